@@ -214,8 +214,9 @@ def export(run_dir: Path, program: str, configuration: str | None, out: Path | N
     "figures",
     multiple=True,
     metavar="NAME",
-    help="Draw this picture alone, in seconds and without the page: bode (worst channel, with phase), error-cost, mac, "
-    "modes, scene, errors or gains; as PDF if no format is given.",
+    help="Draw this picture alone, in seconds and without the page: bode (worst channel, with phase), nyquist and "
+    "nichols (the controller's open loop, else the same channel), error-cost, mac, modes, scene, errors or "
+    "gains; as PDF if no format is given.",
     shell_complete=figure_completion,
 )
 @click.option("--vtu", is_flag=True, help="Write mode shapes for ParaView, too: RUN_DIR/shapes.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError, MatrixError
@@ -13,6 +14,7 @@ from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, refi
 from cmsreduce.mechanics import refuse_gain, refuse_overdamped, without_drag
 from cmsreduce.model import (
     FEModel,
+    Matrix,
     ModalComponent,
     ModeKind,
     ParameterTerm,
@@ -110,15 +112,25 @@ def _modal_terms(body: FEModel, Phi: Array, r: int) -> tuple[ParameterTerm, ...]
     """What parameters add to the modal matrices; exactly nothing on rigid motions that they do not resist."""
     found = []
     for term in body.terms:
-        A = congruence(term.matrix, Phi)
+        A = _skew_congruence(term.matrix, Phi) if term.gyroscopic else congruence(term.matrix, Phi)
         if term.letter != "M" and r:
             still = unresisted([term.matrix], Phi[:, :r])
             P = np.eye(Phi.shape[1])
             # Exactly zero where no rigid motion is resisted.
             P[:r, :r] = 0.0 if still.shape[1] == r else np.eye(r) - still @ still.T
             A = P @ A @ P
-        found.append(replace(term, matrix=np.asarray((A + A.T) / 2)))
+        found.append(replace(term, matrix=np.asarray((A - A.T if term.gyroscopic else A + A.T) / 2)))
     return tuple(found)
+
+
+def _skew_congruence(G: Matrix, Phi: Array) -> Array:
+    """Phi^T G Phi of a gyroscopic matrix, which acts on few rows if it is that of wheels."""
+    skew = sp.csc_array(G)
+    rows = np.unique(skew.indices)
+    part, found = sp.csr_array(skew[rows][:, rows]), np.zeros((Phi.shape[1], Phi.shape[1]))
+    for block in row_blocks(rows.size, Phi.shape[1]):
+        found += Phi[rows[block]].T @ (part[block] @ Phi[rows])
+    return found
 
 
 def at_parameters(component: ModalComponent, values: Values) -> ModalComponent:
@@ -134,7 +146,7 @@ def at_parameters(component: ModalComponent, values: Values) -> ModalComponent:
     -------
     ModalComponent
         Without parameters; the component itself where they add nothing. Its damping is a matrix: that of the body's law
-        in the modes without parameters, and what the parameters add.
+        in the modes without parameters, and what the parameters add. Gyroscopic matrices stay beside it.
 
     Raises
     ------
@@ -144,8 +156,9 @@ def at_parameters(component: ModalComponent, values: Values) -> ModalComponent:
         If the mass or the stiffness is not positive there.
     """
     acting = [term for term in component.terms if term.factor(values)]
-    if not acting:
-        return replace(component, terms=())
+    gyroscopic = [term for term in acting if term.gyroscopic]
+    if not any(term.letter in "MDK" for term in acting):
+        return replace(component, terms=tuple(_fixed(term, values) for term in gyroscopic))
     label = f"body '{component.name}' with {parameter_label(values)}"
     if component.damping.structural is not None:
         raise DampingError(f"{label}: structural damping is a share of the stiffness, which a parameter changes")
@@ -189,8 +202,13 @@ def at_parameters(component: ModalComponent, values: Values) -> ModalComponent:
         cluster=None,
         static_count=s,
         neglected_count=0,
-        terms=(),
+        terms=tuple(_fixed(term, values).over(change) for term in gyroscopic),
     )
+
+
+def _fixed(term: ParameterTerm, values: Values) -> ParameterTerm:
+    """A term at some values of the parameters, as one that does not depend on them."""
+    return replace(term, parameter="", matrix=term.factor(values) * term.matrix, power=0)
 
 
 def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:

@@ -18,9 +18,16 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import ConstraintError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, row_basis
-from cmsreduce.model import Matrix
+from cmsreduce.model import Matrix, is_gyroscopic
 
-__all__ = ["ConstraintSpace", "connected_rows", "constraint_space", "settle_redundant", "redundant_rows"]
+__all__ = [
+    "ConstraintSpace",
+    "congruent_damping",
+    "connected_rows",
+    "constraint_space",
+    "settle_redundant",
+    "redundant_rows",
+]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -87,6 +94,16 @@ class ConstraintSpace:
         found += AT[self.kept]
         _add_transpose(found)
         return np.asarray(found * 0.5)
+
+
+def congruent_damping(space: ConstraintSpace, blocks: Sequence[Matrix]) -> Matrix:
+    """T^T D T of a damping given by its diagonal blocks, whose skew parts are gyroscopic forces."""
+    symmetric = space.congruent(blocks)
+    if not any(is_gyroscopic(block) for block in blocks):
+        return symmetric
+    whole = sp.csr_array(sp.block_diag([sp.csr_array(block) for block in blocks]))
+    skew = space.T.T @ (sp.csr_array(whole - whole.T) @ space.T) * 0.5
+    return sp.csc_array(symmetric + skew) if sp.issparse(symmetric) else np.asarray(symmetric + skew)
 
 
 def constraint_space(A: sp.csr_array) -> ConstraintSpace:

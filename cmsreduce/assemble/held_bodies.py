@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.constraint_space import ConstraintSpace, constraint_space
+from cmsreduce.assemble.constraint_space import ConstraintSpace, congruent_damping, constraint_space
 from cmsreduce.assemble.joints import ground_rows
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import Wiring
@@ -102,7 +102,7 @@ def _held(sub: Substructure, motions: Matrix, locked: NDArray[np.float64]) -> Su
         sub.position,
         sub.interfaces,
         rounding=sub.rounding,
-        terms=tuple(replace(term, matrix=space.congruent([term.matrix])) for term in sub.terms),
+        terms=tuple(replace(term, matrix=congruent_damping(space, [term.matrix])) for term in sub.terms),
     )
 
 
@@ -114,4 +114,4 @@ def _free(before: Matrix, after: Matrix) -> Matrix:
 
 
 def _congruent(space: ConstraintSpace, A: Matrix | None) -> Matrix | None:
-    return None if A is None else space.congruent([A])
+    return None if A is None else congruent_damping(space, [A])

@@ -21,6 +21,10 @@ _NODE_DOFS = 6
 _ALL_OF_A_KIND = ("actuators", "sensors", "dampers")
 # Discrete dampers act on few dofs; more static shapes than this would cost too much.
 _MOST_DAMPED = 300
+# Moments that one wheel exerts, at most: about all axes.
+_OF_A_WHEEL = 3
+# Share of a moment that rounding leaves where a wheel exerts none.
+_NO_MOMENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +104,7 @@ def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> 
         wanted += displacements + rates
     if "dampers" in residuals:
         wanted += _damper_forces(body)
+    wanted += _wheel_moments(body)
     return Ports(
         np.array(list(dict.fromkeys(int(row) for row in [*at_joints, *acted_on])), dtype=np.int64),
         _columns(loads, body.n),
@@ -165,6 +170,24 @@ def _damper_forces(body: FEModel) -> list[Array]:
             f"are for discrete ones, on at most {_MOST_DAMPED} dofs. Take `dampers` out of its residuals"
         )
     return list(body.D[:, damped].toarray().T)
+
+
+def _wheel_moments(body: FEModel) -> list[Array]:
+    """Moments by which wheels act on the body: a force acts there, and a basis without its static shape lacks it."""
+    found = []
+    for term in body.terms:
+        G = sp.csc_array(term.matrix)
+        rows = np.unique(G.indices)
+        if not term.gyroscopic or not 0 < rows.size <= _MOST_DAMPED:
+            continue
+        U, size, _ = np.linalg.svd(G[rows][:, rows].toarray())
+        moments = U.T[size > _NO_MOMENT * size[0]]
+        # A shaft has moments all along it, and its ends are interfaces.
+        for moment in moments if len(moments) <= _OF_A_WHEEL else ():
+            load = np.zeros(body.n)
+            load[rows] = moment
+            found.append(load)
+    return found
 
 
 def _columns(rows: list[Array], n: int) -> Array:

@@ -83,6 +83,8 @@ def elastic_states(system: System) -> ElasticStates:
     K, M = dense(system.K), dense(system.M)
     D = np.zeros_like(K) if system.D is None else dense(system.D)
     lam, Phi, N = elastic_and_massless(K, M, system.rigid, system.rounding)
+    if N.shape[1] and system.gyroscopic:
+        _refuse_rates(system, N, float(lam.max(initial=0.0)) ** 0.5)
     w = np.sqrt(lam)
     modal = Phi.T @ D @ Phi
     if system.rigid.shape[1] and abs(D @ system.rigid).max(initial=0.0) > _DAMPED * abs(D).max(initial=0.0):
@@ -144,9 +146,11 @@ def modal_states(system: System) -> ModalStates:
         _refuse_rates(system, N, omega.max(initial=0.0))
     Phi, m = np.hstack([system.rigid, X]), omega.size
     damping = np.zeros((m, m)) if system.D is None else _product(Phi.T, dense(system.D) @ Phi)
+    if not system.gyroscopic:
+        damping = 0.5 * (damping + damping.T)
     force, zero = Phi.T @ system.B, np.zeros((m, m))
     return ModalStates(
-        np.block([[zero, np.eye(m)], [-np.diag(omega**2), -0.5 * (damping + damping.T)]]),
+        np.block([[zero, np.eye(m)], [-np.diag(omega**2), -damping]]),
         np.vstack([np.zeros_like(force), force]),
         np.hstack([system.C1 @ Phi, system.C2 @ Phi]),
         (system.C1 @ N) @ (N.T @ system.B),
@@ -216,6 +220,12 @@ def _refuse_rates(system: System, N: Array, top: float) -> None:
         raise MatrixError(
             "a shape without mass is damped, so that it lags behind its load as no pair of states does; give "
             "its body a modal damping ratio, which does not act on such shapes"
+        )
+    D = None if system.D is None else dense(system.D)
+    if D is not None and system.gyroscopic and abs(D @ N).max() > _ROUND_OFF * abs(D).max() * abs(N).max():
+        raise MatrixError(
+            "gyroscopic forces act on a shape without mass, which adds mass to the others as no state space of them "
+            "has it; give the node of the wheel its inertia"
         )
     rates, loads = _product(system.C2, N), _product(N.T, system.B)
     derived = abs(rates @ loads) > _ROUND_OFF * (abs(rates) @ abs(loads))

@@ -17,10 +17,12 @@ from cmsreduce.model import (
     FEModel,
     Matrix,
     ModalComponent,
+    ParameterTerm,
     ReducedComponent,
     RigidBody,
     Substructure,
     cross_matrix,
+    with_gyroscopic,
 )
 
 __all__ = [
@@ -67,13 +69,13 @@ def physical_substructure(body: FEModel, points: Iterable[str], rigid: Array) ->
         body.name,
         body.M,
         body.K,
-        D,
+        with_gyroscopic(D, body.terms),
         loss,
         rigid,
         *_motions(body, rows, points),
         body.interfaces,
         rounding=body.rounding,
-        terms=body.terms,
+        terms=tuple(term for term in body.terms if not term.constant),
     )
 
 
@@ -98,13 +100,13 @@ def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Subs
         component.name,
         sp.diags_array(component.mass, format="csc"),
         sp.diags_array(component.stiffness, format="csc"),
-        D,
+        with_gyroscopic(D, component.terms),
         loss,
         np.eye(m, r),
         *_motions(component.body, component.Phi, points),
         component.body.interfaces,
         component.omega,
-        terms=component.terms,
+        terms=tuple(term for term in component.terms if not term.constant),
     )
 
 
@@ -144,11 +146,17 @@ def rigid_substructure(body: RigidBody) -> Substructure:
         rows[:3, 3:] = -cross_matrix(x - body.cg)
         motion[label] = rows
     every = np.ones(6, dtype=bool)
+
+    def gyroscopic(momentum: Array) -> Array:
+        G = np.zeros((6, 6))
+        G[3:, 3:] = -cross_matrix(momentum)
+        return G
+
     return Substructure(
         body.name,
         M,
         np.zeros((6, 6)),
-        None,
+        gyroscopic(body.momentum) if body.momentum.any() else None,
         None,
         np.eye(6),
         motion,
@@ -156,6 +164,7 @@ def rigid_substructure(body: RigidBody) -> Substructure:
         dict.fromkeys(motion, np.eye(3)),
         {label: np.asarray(x, dtype=np.float64) for label, x in places.items()},
         body.interfaces,
+        terms=tuple(ParameterTerm(name, "G", gyroscopic(vector)) for name, vector in body.spun.items()),
     )
 
 

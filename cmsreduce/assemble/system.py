@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.constraint_space import constraint_space, settle_redundant
+from cmsreduce.assemble.constraint_space import congruent_damping, constraint_space, settle_redundant
 from cmsreduce.assemble.joint_elements import element_rows, with_joint_bodies
 from cmsreduce.assemble.joints import check_loops, constrain, relative_motion
 from cmsreduce.assemble.placement import place_bodies
@@ -221,7 +221,7 @@ def assemble(
     T = space.T
     M, K = (space.congruent([getattr(sub, letter) for sub in substructures.values()]) for letter in ("M", "K"))
     D, loss = (
-        space.congruent([_or_zero(getattr(sub, letter), sub.m) for sub in substructures.values()])
+        congruent_damping(space, [_or_zero(getattr(sub, letter), sub.m) for sub in substructures.values()])
         if any(getattr(sub, letter) is not None for sub in substructures.values())
         else None
         for letter in ("D", "loss")

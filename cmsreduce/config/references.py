@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 from cmsreduce.config.keys import (
     FLEXIBLE_ONLY,
+    MOMENTUM,
     ActuatorKeys,
     Articulation,
+    Component,
     Compound,
     KeepKeys,
     Pipeline,
@@ -103,6 +105,18 @@ def _stiffening(pipeline: Pipeline) -> Iterator[BrokenReference]:
             yield BrokenReference(("scene", "spin", name), not_among("flexible component", name, flexible))
 
 
+def _wheels(name: str, component: Component) -> Iterator[BrokenReference]:
+    """Check the places of wheels."""
+    for wheel, keys in component.wheels.items():
+        at = ("components", name, "wheels", wheel)
+        if component.rigid is not None and keys.at is not None:
+            yield BrokenReference((*at, "at"), "a wheel turns a rigid body as one, wherever it is: take this key out")
+        elif component.rigid is None and keys.at is None:
+            yield BrokenReference(at, "a wheel in a flexible body needs its node or interface: `at: 1001`")
+        elif isinstance(keys.at, str) and keys.at not in component.interfaces:
+            yield BrokenReference((*at, "at"), not_among("interface", keys.at, component.interfaces))
+
+
 def _residuals(pipeline: Pipeline) -> Iterator[BrokenReference]:
     if pipeline.reduce is None:
         return
@@ -121,6 +135,7 @@ def _components(pipeline: Pipeline) -> Iterator[BrokenReference]:
                 yield BrokenReference(
                     ("components", name, key), f"a rigid body has no {key}: take out this key, or 'rigid'"
                 )
+        yield from _wheels(name, component)
         for face, keys in component.interfaces.items():
             at = ("components", name, "interfaces", face)
             if component.rigid is not None and (keys.position is None or keys.tie is not None):
@@ -231,15 +246,22 @@ def _parameters(pipeline: Pipeline) -> Iterator[BrokenReference]:
         for name, part in pipeline.components.items()
         if part.rigid is None and part.reduced is None and part.modes is None
     ]
+    wheels = [f"{name}.{wheel}" for name, part in pipeline.components.items() for wheel in part.wheels]
     listed = scene.articulation.named if scene.articulation is not None else None
     for name, keys in scene.parameters.items():
         at = ("scene", "parameters", name)
         if name in scene.joints or any(name == f"{joint}.{dof}" for joint in scene.joints for dof in DOF_NAMES):
             yield BrokenReference(at, "a joint has this name; choose another one for the parameter")
-        for what, matrices in (("stiffness", keys.stiffness), ("mass", keys.mass), ("damping", keys.damping)):
-            for body in matrices:
+        for what in ("stiffness", "mass", "damping", "gyroscopic"):
+            for body in getattr(keys, what):
                 if body not in flexible:
                     yield BrokenReference((*at, what, body), not_among("component with matrices", body, flexible))
+        for text in keys.wheels:
+            if text not in wheels:
+                yield BrokenReference((*at, "wheels"), not_among("wheel", text, wheels))
+        for value in keys.values if keys.wheels else ():
+            if value.unit and powers_of(value) != MOMENTUM:
+                yield BrokenReference((*at, "values"), f"{value} is no angular momentum, e.g. 12 N*m*s")
         for key, figure in keys.joints.items():
             try:
                 _, dof = free_dof_named(scene, key)

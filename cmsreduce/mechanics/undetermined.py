@@ -283,6 +283,7 @@ def _restricted(
         constrained=at_rest if body.constrained is None else body.constrained.joined(at_rest),
         tied=body.tied and replace(body.tied, leads=body.dofs[stay], T=body.tied.T[:, stay]),
         second_order=body.second_order and body.second_order.of(np.eye(body.n)[:, stay]),
+        terms=tuple(replace(term, matrix=sp.csc_array(term.matrix)[stay][:, stay]) for term in body.terms),
     )
 
 

@@ -51,7 +51,15 @@ from cmsreduce.model.mapped_array import (
 )
 from cmsreduce.model.mode_set import ModeBlock, ModeCertificate, ModeKind, ModeSet
 from cmsreduce.model.multibody_scene import MultibodyScene, SceneBody, SceneJoint
-from cmsreduce.model.parameters import ParameterTerm, Values, parameter_label, unresisted, varied
+from cmsreduce.model.parameters import (
+    Letter,
+    ParameterTerm,
+    Values,
+    parameter_label,
+    unresisted,
+    varied,
+    with_gyroscopic,
+)
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.results import *  # noqa: F403 - its own face names what it offers
 from cmsreduce.model.rounding import (
@@ -87,6 +95,7 @@ from cmsreduce.model.system import (
     OutboardMass,
     Substructure,
     System,
+    is_gyroscopic,
 )
 from cmsreduce.model.unit_conversion import (
     in_units,
@@ -125,6 +134,7 @@ __all__ = [
     "KEY_STEP",
     "LARGEST_GROWTH",
     "LUMPINGS",
+    "Letter",
     "Lumping",
     "Matrix",
     "Members",
@@ -176,6 +186,7 @@ __all__ = [
     "entry_errors",
     "hdf5_items",
     "in_units",
+    "is_gyroscopic",
     "load_stiffness_in_units",
     "loads_in_words",
     "map_dataset",
@@ -193,5 +204,6 @@ __all__ = [
     "units_of",
     "unresisted",
     "varied",
+    "with_gyroscopic",
 ]
 __all__ += results.__all__

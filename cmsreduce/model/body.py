@@ -174,7 +174,7 @@ class FEModel:
     sources : tuple of Source
         Files that the body was read from.
     terms : tuple of ParameterTerm
-        What parameters of the scene add to its matrices.
+        What parameters of the scene add to its matrices, and gyroscopic matrices, which are added to its damping.
     corners : tuple of mapping of parameter to float
         Values of the parameters at which its mode sets are computed, beside the body as it is without parameters.
 
@@ -278,7 +278,7 @@ class FEModel:
 
     def undamped_at(self, values: Values) -> FEModel:
         """The body at some values of the parameters, without its damping; itself where they add nothing."""
-        acting = [term for term in self.terms if term.letter != "D" and term.factor(values)]
+        acting = [term for term in self.terms if term.letter in "KM" and term.factor(values)]
         if not acting:
             return self
         K, M = (varied(getattr(self, letter), acting, letter, values) for letter in ("K", "M"))
@@ -333,6 +333,10 @@ class RigidBody:
         Interfaces, at which joints attach; node ids are -1.
     units : Units
         Unit system.
+    momentum : (3,) float64
+        Angular momentum of wheels that turn in the body at constant speed, basic axes; their mass is the body's.
+    spun : mapping of parameter to (3,) float64
+        Momentum that each parameter of the scene adds, times its value.
 
     Raises
     ------
@@ -346,6 +350,8 @@ class RigidBody:
     inertia: NDArray[np.float64]
     interfaces: Mapping[str, Interface] = field(default_factory=dict)
     units: Units = SI
+    momentum: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    spun: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         cg, J = np.asarray(self.cg, dtype=np.float64), np.asarray(self.inertia, dtype=np.float64)
@@ -363,6 +369,11 @@ class RigidBody:
             )
         object.__setattr__(self, "cg", cg)
         object.__setattr__(self, "inertia", J)
+
+    def momentum_at(self, values: Values) -> NDArray[np.float64]:
+        """Angular momentum of its wheels (3,) at some values of the parameters."""
+        added = [values.get(name, 0.0) * vector for name, vector in self.spun.items()]
+        return np.asarray(np.sum([self.momentum, *added], axis=0))
 
     def __repr__(self) -> str:
         return f"<RigidBody {self.name}: mass {self.mass:g}, {len(self.interfaces)} interfaces>"

@@ -1,4 +1,7 @@
-"""Parameters beside the joint angles: matrices that depend on a number, K = K0 + sum of p^k K_p, M and D alike."""
+"""Parameters beside the joint angles: matrices that depend on a number, K = K0 + sum of p^k K_p, M and D alike.
+
+Gyroscopic matrices, skew parts of the damping, are terms too: of a parameter such as a spin, or always there.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-__all__ = ["ParameterTerm", "Values", "parameter_label", "unresisted", "varied"]
+__all__ = ["Letter", "ParameterTerm", "Values", "parameter_label", "unresisted", "varied", "with_gyroscopic"]
 
 Matrix = NDArray[np.float64] | sp.csc_array
+Letter = Literal["M", "D", "K", "G"]
+"""Mass, viscous damping, stiffness, and gyroscopic matrix, which is skew and a part of the damping."""
 Values = Mapping[str, float]
 """Values of parameters by name, in the scene's units; a parameter without a value is zero."""
 
@@ -28,23 +33,34 @@ class ParameterTerm:
     Parameters
     ----------
     parameter : str
-        Name of the parameter.
-    letter : {"M", "D", "K"}
-        Matrix to which it is added.
+        Name of the parameter; empty for a matrix that is always there.
+    letter : {"M", "D", "K", "G"}
+        Matrix to which it is added; G is added to D.
     matrix : (n, n) Matrix
-        Symmetric, for the value 1 of the parameter in the scene's units.
+        Symmetric, or skew if gyroscopic, for the value 1 of the parameter in the scene's units.
     power : int
-        1 for preload, temperature, mass, stiffness; 2 for the stress of a spin.
+        1 for preload, temperature, mass, stiffness, spin; 2 for the stress of a spin; 0 for a matrix that is always
+        there.
     """
 
     parameter: str
-    letter: Literal["M", "D", "K"]
+    letter: Letter
     matrix: Matrix
     power: int = 1
 
     def factor(self, values: Values) -> float:
         """Factor of the matrix at some values of the parameters."""
         return float(values.get(self.parameter, 0.0)) ** self.power
+
+    @property
+    def constant(self) -> bool:
+        """True if the matrix does not depend on a parameter."""
+        return self.power == 0
+
+    @property
+    def gyroscopic(self) -> bool:
+        """True if the matrix is skew: its forces do no work."""
+        return self.letter == "G"
 
     @property
     def dense(self) -> NDArray[np.float64]:
@@ -68,6 +84,11 @@ def varied(A: Matrix | None, terms: Iterable[ParameterTerm], letter: str, values
     return sp.csc_array(A) if isinstance(A, sp.sparray) else A
 
 
+def with_gyroscopic(D: Matrix | None, terms: Iterable[ParameterTerm]) -> Matrix | None:
+    """A damping matrix with the gyroscopic matrices that are always there; it is then not symmetric."""
+    return varied(D, [term for term in terms if term.constant], "G", {})
+
+
 def unresisted(matrices: Iterable[Matrix], rigid: NDArray[np.float64]) -> NDArray[np.float64]:
     """Combinations (r, s), orthonormal, of rigid motions (n, r) on which none of some matrices acts."""
     left = np.eye(rigid.shape[1])
@@ -75,11 +96,12 @@ def unresisted(matrices: Iterable[Matrix], rigid: NDArray[np.float64]) -> NDArra
         if not left.shape[1]:
             break
         whole: NDArray[np.float64] = np.asarray(abs(sp.csr_array(A)).sum(axis=1))
-        size = float(whole.max(initial=0.0)) * abs(rigid).max(axis=0)
-        force = np.asarray(A @ rigid) / np.where(size > 0, size, 1.0)
-        _, s, V = np.linalg.svd(force @ left)
+        moved = rigid @ left
+        size = float(whole.max(initial=0.0)) * abs(moved).max(axis=0)
+        size = np.where(size > 0, size, 1.0)
+        _, s, V = np.linalg.svd(np.asarray(A @ moved) / size)
         rank = int(np.count_nonzero(s > _RESISTS))
-        left = left @ V[rank:].T
+        left = left @ np.linalg.qr(V[rank:].T / size[:, None])[0]
     return left
 
 

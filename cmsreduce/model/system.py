@@ -14,10 +14,22 @@ from cmsreduce.model.body import Interface
 from cmsreduce.model.parameters import ParameterTerm, Values, unresisted, varied
 from cmsreduce.model.scene import Configuration, Joint
 
-__all__ = ["Controller", "InterfaceLoading", "Matrix", "ModalChannels", "OutboardMass", "Substructure", "System"]
+__all__ = [
+    "Controller",
+    "InterfaceLoading",
+    "Matrix",
+    "ModalChannels",
+    "OutboardMass",
+    "Substructure",
+    "System",
+    "is_gyroscopic",
+]
 
 Matrix = NDArray[np.float64] | sp.csc_array
 """A dense array or a sparse one, whichever the body is held in."""
+
+# Skew part of a damping matrix, relative to its largest entry, that congruent products leave: some hundred roundings.
+_SKEW = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +43,7 @@ class Substructure:
     M, K : (m, m) Matrix
         Mass and stiffness.
     D : (m, m) Matrix, optional
-        Viscous damping.
+        Viscous damping, and in its skew part the gyroscopic forces.
     loss : (m, m) Matrix, optional
         Imaginary part of a complex stiffness.
     rigid : (m, r) float64
@@ -80,6 +92,7 @@ class Substructure:
         if not acting:
             return self
         M, K, D = (varied(getattr(self, letter), acting, letter, values) for letter in ("M", "K", "D"))
+        D = varied(D, acting, "G", values)
         assert M is not None and K is not None
         rigid = self.rigid @ unresisted([term.matrix for term in acting if term.letter == "K"], self.rigid)
         if M is not self.M and rigid.shape[1]:
@@ -213,7 +226,7 @@ class System:
     M, K : (N, N) Matrix
         Mass and stiffness.
     D, loss : (N, N) Matrix, optional
-        Viscous damping, imaginary part of the stiffness.
+        Viscous damping with the gyroscopic forces as its skew part, imaginary part of the stiffness.
     B : (N, inputs) float64
         Inputs.
     C1, C2 : (outputs, N) float64
@@ -259,6 +272,19 @@ class System:
     def N(self) -> int:
         """Number of coordinates."""
         return int(self.M.shape[0])
+
+    @property
+    def gyroscopic(self) -> bool:
+        """True if its damping has a skew part."""
+        return is_gyroscopic(self.D)
+
+
+def is_gyroscopic(D: Matrix | None) -> bool:
+    """True if a damping matrix has a skew part that is more than the rounding of products."""
+    if D is None:
+        return False
+    entries, skew = (np.asarray(A.data if isinstance(A, sp.sparray) else A) for A in (D, D - D.T))
+    return float(abs(skew).max(initial=0.0)) > _SKEW * float(abs(entries).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)

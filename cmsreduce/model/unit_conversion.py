@@ -62,6 +62,10 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         tied=body.tied and recovery_in_units(body.tied, body.units, units),
         untied_mass=untied_mass,
         second_order=body.second_order and _second_order_in_units(body.second_order, inverse, length, mass),
+        terms=tuple(
+            replace(term, matrix=matrix_in_units(sp.csc_array(term.matrix), body.dofs, term.letter, body.units, units))
+            for term in body.terms
+        ),
     )
 
 
@@ -80,10 +84,10 @@ def load_stiffness_in_units(A: sp.csc_array, dofs: DofTable, load: UnitLoad, old
 
 
 def matrix_in_units(A: sp.csc_array, dofs: DofTable, letter: str, old: Units, new: Units) -> sp.csc_array:
-    """Convert a stiffness, damping or mass matrix (n, n); ``letter`` is K, D or M."""
+    """Convert a stiffness, damping or mass matrix (n, n); ``letter`` is K, D, G or M."""
     length, mass, time = _ratios(old, new)
     inverse = _diagonal(dofs, 1 / length)
-    scale = mass * length**2 / time**2 * time ** "KDM".index(letter)
+    scale = mass * length**2 / time**2 * time ** "KDM".index(letter.replace("G", "D"))
     return sp.csc_array(scale * (inverse @ A @ inverse))
 
 
@@ -95,10 +99,11 @@ def recovery_in_units(known: Recovery, old: Units, new: Units) -> Recovery:
 
 def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
     """Convert a rigid body to other units."""
-    length, mass, _ = _ratios(body.units, units)
+    length, mass, time = _ratios(body.units, units)
     return replace(
         body,
         mass=body.mass * mass,
+        momentum=body.momentum * (mass * length**2 / time),
         cg=body.cg * length,
         inertia=body.inertia * (mass * length**2),
         interfaces=_faces(body.interfaces, length),

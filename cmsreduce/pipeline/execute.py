@@ -201,7 +201,7 @@ def _write(run: Run) -> None:
             continue
         if path == kept:
             run.stages.written.append(path)
-        if run.bodies[name].body.terms and (targets or programs):
+        if any(not term.constant for term in run.bodies[name].body.terms) and (targets or programs):
             path = write_body(run.at_values(values), name, other)
             if path is None:
                 continue

@@ -136,6 +136,12 @@ def _stable_motions(system: System) -> tuple[Array, Array, Array, Array]:
         raise MatrixError("structural damping is a complex stiffness, under which white noise has no state space")
     K, M, rigid = dense(system.K), dense(system.M), system.rigid
     D = np.zeros_like(K) if system.D is None else dense(system.D)
+    turning, size = abs((D - D.T) @ rigid).max(initial=0.0), abs(D).max(initial=0.0) * abs(rigid).max(initial=0.0)
+    if system.gyroscopic and turning > _DAMPED * size:
+        raise MatrixError(
+            "gyroscopic forces act on a free rigid motion, whose response to noise is then not apart from that of the "
+            "elastic modes: component cost analysis has no figure for it; rank the bodies alone, or search by errors"
+        )
     drag, V = la.eigh(rigid.T @ D @ rigid) if rigid.shape[1] else (np.zeros(0), np.zeros((0, 0)))
     least = _DAMPED * abs(D).max(initial=0.0) * float((rigid**2).sum(axis=0).max(initial=0.0))
     damped_rigid = rigid @ V[:, drag > least]

@@ -53,8 +53,10 @@ def read_differential_stiffness(source: MatrixSource, body: FEModel, label: str)
     return A, _remark_on_balance(A, body, named, rounding)
 
 
-def matrix_on_rows(source: MatrixSource, body: FEModel, what: str, label: str = "") -> tuple[sp.csc_array, float, str]:
-    """Read a symmetric matrix beside those of a body.
+def matrix_on_rows(
+    source: MatrixSource, body: FEModel, what: str, label: str = "", *, skew: bool = False
+) -> tuple[sp.csc_array, float, str]:
+    """Read a symmetric matrix beside those of a body, or a skew one.
 
     Parameters
     ----------
@@ -64,11 +66,13 @@ def matrix_on_rows(source: MatrixSource, body: FEModel, what: str, label: str = 
         n dofs, as read.
     what, label : str
         Words before and behind the name of the matrix in messages.
+    skew : bool
+        The matrix is the negative of its transpose.
 
     Returns
     -------
     matrix : (n, n) sparse array
-        Symmetric, in the rows of the body.
+        Symmetric or skew to the bit, in the rows of the body.
     rounding : float
         Relative rounding of its entries.
     named : str
@@ -77,7 +81,7 @@ def matrix_on_rows(source: MatrixSource, body: FEModel, what: str, label: str = 
     Raises
     ------
     MatrixError
-        If its size is not that of the body, or it is not finite or not symmetric.
+        If its size is not that of the body, or it is not finite, or not symmetric or skew as asked.
     """
     found = read_matrix(source.path, source.matrix, source.format)
     what = f"{what} '{found.name}' of {found.path}{label}"
@@ -91,13 +95,19 @@ def matrix_on_rows(source: MatrixSource, body: FEModel, what: str, label: str = 
     if not np.isfinite(A.data).all():
         raise MatrixError(f"{what} holds entries that are not finite; write it again")
     largest = float(abs(A.data).max(initial=0.0))
-    skew = float(abs(A - A.T).max()) if A.nnz else 0.0
-    if skew > _SYMMETRY_FACTOR * found.rounding * largest:
-        raise MatrixError(
-            f"{what} is not symmetric: it differs from its transpose by {skew / largest:.2e} of its largest entry; "
-            "leave out the unsymmetric stiffness of follower loads, and mark a single triangle as symmetric"
+    sign = -1.0 if skew else 1.0
+    other = float(abs(A - sign * A.T).max()) if A.nnz else 0.0
+    if other > _SYMMETRY_FACTOR * found.rounding * largest:
+        kind, of = ("skew", "the negative of its transpose") if skew else ("symmetric", "its transpose")
+        remedy = (
+            "a gyroscopic matrix takes no energy, so that its symmetric part is a damping: give that by `damping:`"
+            if skew
+            else "leave out the unsymmetric stiffness of follower loads, and mark a single triangle as symmetric"
         )
-    return sp.csc_array((A + A.T) * 0.5), found.rounding, what
+        raise MatrixError(
+            f"{what} is not {kind}: it differs from {of} by {other / largest:.2e} of its largest entry; {remedy}"
+        )
+    return sp.csc_array((A + sign * A.T) * 0.5), found.rounding, what
 
 
 def refuse_other_couplings(A: sp.csc_array, body: FEModel, what: str) -> None:

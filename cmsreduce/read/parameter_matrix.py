@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.model import SCALAR, FEModel, rigid_body_shapes
+from cmsreduce.model import SCALAR, FEModel, Letter, rigid_body_shapes
 from cmsreduce.read.differential_stiffness import matrix_on_rows, refuse_other_couplings
 from cmsreduce.read.interfaces import MatrixSource
 
 __all__ = ["read_parameter_matrix"]
 
-Letter = Literal["K", "M", "D"]
-
 # Of the largest row: stresses computed to six digits leave this of forces that balance.
 _BALANCED = 1e-6
 # Roundings of the file that a sum over many entries may have.
 _ROUNDINGS = 1e4
-_WORDS: dict[Letter, str] = {"K": "stiffness", "M": "mass", "D": "damping"}
+_WORDS: dict[Letter, str] = {"K": "stiffness", "M": "mass", "D": "damping", "G": "gyroscopic matrix"}
 
 
 def read_parameter_matrix(
     source: MatrixSource, body: FEModel, letter: Letter, label: str, *, grounded: bool = False
 ) -> tuple[sp.csc_array, str]:
-    """Read a matrix that a parameter adds to the stiffness, mass or damping of a body.
+    """Read a matrix that is added to the stiffness, mass or damping of a body, by a parameter or as gyroscopic matrix.
 
     Parameters
     ----------
@@ -34,32 +30,32 @@ def read_parameter_matrix(
         File of the matrix.
     body : FEModel
         n dofs, as read, before dofs are tied or held.
-    letter : {"K", "M", "D"}
-        Matrix to which it is added.
+    letter : {"K", "M", "D", "G"}
+        Matrix to which it is added; G is skew.
     label : str
-        Name of the parameter, for messages.
+        Name of the parameter or of the matrix, for messages.
     grounded : bool
-        True if stiffness or damping may hold the body to the ground.
+        True if it may act against the ground: springs, dampers, forces of a rotating frame.
 
     Returns
     -------
     matrix : (n, n) sparse array
-        Symmetric, in the rows of the body.
+        Symmetric, or skew if gyroscopic, in the rows of the body.
     remark : str
         Reason why the order of its rows is not proven; empty if it is.
 
     Raises
     ------
     MatrixError
-        If its size is not that of the body, or it is not finite or not symmetric.
+        If its size is not that of the body, or it is not finite, or not symmetric or skew.
     DofMapError
         If a translation of the whole body costs force; if a rotation does, or it is a mass, and it couples nodes that
         the stiffness does not couple; or if a mass is not the same in all directions: its rows are in another order.
     """
     what = f"body '{body.name}': {_WORDS[letter]} of {label}"
-    A, rounding, named = matrix_on_rows(source, body, what)
+    A, rounding, named = matrix_on_rows(source, body, what, skew=letter == "G")
     if not A.nnz:
-        raise MatrixError(f"{named} is zero: the parameter would change nothing")
+        raise MatrixError(f"{named} is zero: {'it' if letter == 'G' else 'the parameter'} would change nothing")
     if letter == "M":
         refuse_other_couplings(A, body, named)
     if body.nodes is None or (body.dofs.component == SCALAR).all():
@@ -78,8 +74,7 @@ def read_parameter_matrix(
         raise DofMapError(
             f"{named}: a translation of the whole body costs {force[at] / scale:.1e} of its largest row at "
             f"{body.dofs.labels[at]}, but what is inside a body resists no translation. Likely cause: its rows are in "
-            "another order than those of the stiffness, or in other units; if it holds the body to the ground, say "
-            "`grounded: true` under the parameter"
+            f"another order than those of the stiffness, or in other units; {_exception(letter)}"
         )
     rigid = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
     turned = abs(A @ rigid[:, 3:]).max(initial=0.0) / (scale * max(float(abs(rigid[:, 3:]).max(initial=0.0)), 1e-300))
@@ -88,6 +83,16 @@ def read_parameter_matrix(
         # other nodes resists none.
         refuse_other_couplings(A, body, named)
     return A, ""
+
+
+def _exception(letter: Letter) -> str:
+    """Matrices that do act in a translation, and what to do with them."""
+    if letter == "G":
+        return (
+            "the Coriolis matrix of a rotating frame does so, but bodies here move in a fixed one: give the matrix of "
+            "that frame"
+        )
+    return "if it holds the body to the ground, say `grounded: true` under the parameter"
 
 
 def _remark_on_mass(A: sp.csc_array, translation: np.ndarray, named: str, limit: float) -> str:

@@ -223,6 +223,8 @@ class Equations:
             pull[:3], pull[3:6] = body.mass * weight, cross_columns(moment[:, 0]) @ weight
             pull[6:] = moment[:, 1:].T @ weight - body.K @ f.q - damping
             force[own] += pull - h
+            if body.gyroscopic is not None:
+                force[own] -= body.gyroscopic @ u[own]
             work -= float(f.rate @ damping)
             e = y[at + 3 : at + FRAME]
             change[at : at + 3] = f.R @ f.v
@@ -259,6 +261,8 @@ class Equations:
             J[at + 4 : at + FRAME, column + 3 : column + 6] = 0.5 * (e[0] * np.eye(3) + cross_columns(e[1:]))
             J[modal, first + q.start : first + q.stop] = np.eye(body.k)
             force[q, modal], force[q, first + q.start : first + q.stop] = -body.K, -body.D
+            if body.gyroscopic is not None:
+                force[own, first + own.start : first + own.stop] -= body.gyroscopic
         for element in self.elements:
             row = rows[element.movement]
             force[:, self.values.start + element.movement] -= element.stiffness * row

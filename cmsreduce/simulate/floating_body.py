@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import RigidBody
+from cmsreduce.model import RigidBody, Values
 
 __all__ = ["FloatingBody", "Marker", "Stretch", "cross_columns", "turned"]
 
@@ -138,6 +138,9 @@ class FloatingBody:
         Displacements of second order where the body has geometric stiffness.
     held : bool
         True if the matrices hold the body to the ground, so that its frame does not move.
+    gyroscopic : (6 + k, 6 + k) float64, optional
+        Gyroscopic matrix over velocity, angular velocity and modal rates. The momentum of a wheel stays along an axis
+        of the body, so that it holds for any turn of the frame.
     loads : tuple of str
         Loads of the geometric stiffness that the body has, in words.
     """
@@ -157,14 +160,22 @@ class FloatingBody:
     markers: Mapping[str, Marker] = field(default_factory=dict)
     stretch: Stretch | None = None
     held: bool = False
+    gyroscopic: Array | None = None
 
     @classmethod
-    def rigid(cls, body: RigidBody) -> FloatingBody:
-        """Body without modes; its frame is at its centre of mass, the point ``cg``, along its basic axes."""
+    def rigid(cls, body: RigidBody, values: Values | None = None) -> FloatingBody:
+        """Body without modes; its frame is at its centre of mass, the point ``cg``, along its basic axes.
+
+        Its wheels turn as at some values of the parameters.
+        """
         none = np.zeros((3, 0))
         places = {name: face.position[0] - body.cg for name, face in body.interfaces.items()}
         markers = {name: Marker(place, none, none) for name, place in {"cg": np.zeros(3), **places}.items()}
-        zero = np.zeros((0, 0))
+        zero, gyroscopic = np.zeros((0, 0)), None
+        momentum = body.momentum_at(values or {})
+        if momentum.any():
+            gyroscopic = np.zeros((6, 6))
+            gyroscopic[3:, 3:] = -cross_columns(momentum)
         return cls(
             body.name,
             body.mass,
@@ -176,6 +187,7 @@ class FloatingBody:
             *(zero, zero, zero),
             origin=np.asarray(body.cg, dtype=np.float64),
             markers=markers,
+            gyroscopic=gyroscopic,
         )
 
     @property

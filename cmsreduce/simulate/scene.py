@@ -59,7 +59,8 @@ class _Builder:
         self.scene = scene
         self.names = [body.name for body in scene.bodies]
         self.bodies = [
-            bodies[body.name] if body.rigid is None else FloatingBody.rigid(body.rigid) for body in scene.bodies
+            bodies[body.name] if body.rigid is None else FloatingBody.rigid(body.rigid, scene.configuration.parameters)
+            for body in scene.bodies
         ]
         self.places = []
         for body, record in zip(self.bodies, scene.bodies, strict=True):

@@ -28,7 +28,7 @@ from cmsreduce.verify.constant_loads import (
     step_errors,
     step_response,
 )
-from cmsreduce.verify.controller_stability import controller_response, stability_margin
+from cmsreduce.verify.controller_stability import controller_response, open_loop, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
 from cmsreduce.verify.input_rounding import frequency_error_bars, rigid_motions_proof
 from cmsreduce.verify.mass_properties import (
@@ -126,6 +126,7 @@ __all__ = [
     "momentum_balance",
     "momentum_residual",
     "negative_directions",
+    "open_loop",
     "pair_complex_modes",
     "pair_frequencies",
     "pair_modes",

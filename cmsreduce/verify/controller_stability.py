@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 
-__all__ = ["controller_response", "stability_margin"]
+__all__ = ["controller_response", "open_loop", "stability_margin"]
 
 Complex = NDArray[np.complex128]
 Array = NDArray[np.float64]
@@ -53,6 +53,11 @@ def controller_response(A: Array, B: Array, C: Array, D: Array, frequency_hz: Ar
             "grid above it"
         ) from None
     return np.asarray(C @ inner + D, dtype=np.complex128)
+
+
+def open_loop(response: Complex, K: Complex) -> Complex:
+    """Open loop det(I + G K) - 1 (f,) of a response G (f, outputs, inputs) and a controller K (f, inputs, outputs)."""
+    return np.asarray(np.linalg.det(np.eye(response.shape[1]) + response @ K) - 1)
 
 
 def stability_margin(full: Complex, reduced: Complex, K: Complex) -> tuple[Array, Array]:

@@ -1,15 +1,22 @@
 """Truss of 143 rods, cut at the top of bay 6: an indeterminate interface and close modes (theory section 9)."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.assemble import assemble, modal_substructure, physical_substructure, system_modes
+from cmsreduce.config import load_pipeline
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import Configuration, DofTable, FEModel, Interface, Joint, Nodes, Point, Scene, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.reduce import CraigBampton
+from tests.samples import assert_made_again
+
+SAMPLE = Path(__file__).parents[2] / "pipelines" / "truss.yaml"
 
 COLUMNS, BAYS, BAY, E, A, RHO, CUT = 4, 11, 0.7, 70e9, 4e-4, 2710.0, 6
 OMEGA = [120.06, 578.56, 602.01, 1305.4, 1778.9, 2078.9]
@@ -94,3 +101,19 @@ def test_cut_truss(reduced):
     assert w.size == system.N == 88
     np.testing.assert_allclose(w[:6], OMEGA, rtol=4e-5)
     assert w[-1] == pytest.approx(HIGHEST, rel=1e-5)
+
+
+def test_the_sample_has_the_frequencies_of_the_whole_truss(tmp_path: Path) -> None:
+    """Both parts from their files: joined without reduction, and with the modes that the run keeps."""
+    run = Run(load_pipeline(SAMPLE), tmp_path, Silent())
+    result = execute(run, SAMPLE, report=False)
+    assert result is not None and result.passed
+    (as_built,) = run.scene.configurations
+    np.testing.assert_allclose(run.comparison.reference.every_mode(as_built)[0][:6], OMEGA, rtol=4e-5)
+    assert run.comparison.reference.every_mode(as_built)[0][-1] == pytest.approx(HIGHEST, rel=1e-5)
+    assert {name: body.rigid.shape[1] for name, body in run.bodies.items()} == {"lower": 0, "upper": 3}
+    np.testing.assert_allclose(run.model.assembled.resonances(as_built).omega[:6], OMEGA, rtol=2e-3)
+
+
+def test_the_sample_is_what_its_script_makes(tmp_path: Path) -> None:
+    assert_made_again(SAMPLE.parents[1] / "sample_models" / "truss", tmp_path)

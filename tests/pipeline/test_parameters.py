@@ -142,6 +142,8 @@ class Dense:
     def __init__(self, tension: np.ndarray, ballast: np.ndarray, drag: np.ndarray) -> None:
         self.arm, self.panel = arm(), panel()
         self.tension, self.ballast, self.drag = tension, ballast, drag
+        self.gyroscopic = tuple(np.zeros((n, n)) for n in (6, self.arm.n, self.panel.n))
+        """Of the hub, the arm and the panel."""
 
     @staticmethod
     def damping(body: FEModel, ratio: float) -> np.ndarray:
@@ -165,6 +167,8 @@ class Dense:
             self.damping(a, 0.01) + values["drag"] * self.drag,
             turn @ self.damping(p, 0.01) @ turn.T,
         )
+        hub_turns, arm_turns, panel_turns = self.gyroscopic
+        D += la.block_diag(hub_turns, arm_turns, turn @ panel_turns @ turn.T)
         n = len(K)
         root, tip, inner = 6, 6 + 6 * 4, 6 + a.n
         rows = []

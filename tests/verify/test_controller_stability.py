@@ -5,7 +5,7 @@ import pytest
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.model import ControllerMargin
-from cmsreduce.verify import controller_response, stability_margin
+from cmsreduce.verify import controller_response, open_loop, stability_margin
 
 OMEGA, ZETA = np.array([3.0, 40.0]), 0.01
 GAIN = np.array([1.0, 0.3])
@@ -71,3 +71,13 @@ def test_what_does_not_fit_is_refused():
         controller_response(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), np.array([0.0]))
     with pytest.raises(MatrixError, match="it has 2 inputs and 1 outputs, but there are 1 sensors and 1 actuators"):
         stability_margin(np.ones((1, 1, 1)), np.ones((1, 1, 1)), np.ones((1, 1, 2)))
+
+
+def test_the_open_loop_of_several_loops_is_the_return_difference():
+    """G K for one loop; for two its determinant turns about -1 as the product of both, if they do not couple."""
+    g = np.array([1 / (1j * HZ + 0.3), 2 / (1j * HZ + 1)]).T
+    k = np.array([4.0, 0.5])
+    np.testing.assert_allclose(open_loop(g[:, :1, None], np.full((HZ.size, 1, 1), k[0])), k[0] * g[:, 0])
+    both = np.einsum("fi,ij->fij", g, np.eye(2))
+    wanted = (1 + k[0] * g[:, 0]) * (1 + k[1] * g[:, 1]) - 1
+    np.testing.assert_allclose(open_loop(both, np.tile(np.diag(k), (HZ.size, 1, 1))), wanted)

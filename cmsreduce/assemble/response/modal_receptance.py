@@ -26,7 +26,7 @@ from cmsreduce.assemble.system import Wiring
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import row_basis
 from cmsreduce.linalg.response import ResonanceError, frequency_blocks
-from cmsreduce.model import Substructure
+from cmsreduce.model import Substructure, is_gyroscopic
 
 __all__ = ["ModalReceptance"]
 
@@ -76,6 +76,8 @@ class ModalReceptance:
         self._coupled: dict[str, CoupledModes] = {}
         self._motions = {name: dense(stack.motions(name)) for name in substructures}
         self._columns = {name: stack.body_columns(name) for name in substructures}
+        # The updates below are for symmetric flexibilities.
+        self._gyroscopic = any(is_gyroscopic(sub.D) for sub in substructures.values())
         self._always = {name: _always(sub) for name, sub in substructures.items()}
         # Frequencies are the last axis, as in the products over all of them.
         self._base = np.zeros((self._rows.left.shape[0], self._rows.right.shape[0], omega.size), dtype=np.complex128)
@@ -131,8 +133,8 @@ class ModalReceptance:
         dH : (g, outputs, inputs, n) complex128
             NaN where it is not known.
         known : (n,) bool
-            False for changes that leave a joint without support, and for those of both coupled and uncoupled modes: use
-            ``response`` for these.
+            False for changes that leave a joint without support, for those of both coupled and uncoupled modes, and for
+            all of them where a body has gyroscopic forces: use ``response`` for these.
 
         Notes
         -----
@@ -220,8 +222,11 @@ class ModalReceptance:
             yield part, points[part]
 
     def _updatable(self, U: Real) -> bool:
-        """True if updates give the effects of changes: none makes joints independent that the modes kept do not."""
-        return bool(U.shape[0] == self._rows.c)
+        """True if updates give the effects of changes: none makes joints independent that the modes kept do not.
+
+        Receptances with gyroscopic forces are not symmetric, which the updates take for granted.
+        """
+        return bool(U.shape[0] == self._rows.c) and not self._gyroscopic
 
     def _joints(self, kept: Kept) -> Real:
         return np.eye(self._rows.c) if self._same_joints else self._row_basis(kept)

@@ -186,7 +186,7 @@ class CoupledModes:
     left, right : (ports, m) float64
         Motions of all coordinates at the rows of a wiring.
     M, K, D, loss : (m, m) float64
-        Symmetric.
+        Symmetric but for the gyroscopic part of D.
     clusters : tuple of (k,) int64
         Coordinates of each cluster, two or more.
     """

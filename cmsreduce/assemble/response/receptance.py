@@ -22,7 +22,7 @@ from cmsreduce.linalg.response import (
     frequency_blocks,
 )
 from cmsreduce.linalg.sparse import InsufficientMemoryError
-from cmsreduce.model import Matrix, Substructure
+from cmsreduce.model import Matrix, Substructure, is_gyroscopic
 
 __all__ = [
     "DAMPED_RIGID",
@@ -92,7 +92,8 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
     # Points have six motions; those of a solid have three.
     here = np.flatnonzero(L.any(axis=1))
     model: FlexibilityModel | None = None
-    if omega.size >= _FEWEST and here.size:
+    # The model over shapes is for symmetric matrices.
+    if omega.size >= _FEWEST and here.size and not is_gyroscopic(sub.D):
         try:
             model = adaptive_flexibility(
                 Z, load[:, here], omega, rigid=sub.rigid, damped_rigid=_damps_rigid_motion(sub), rounding=sub.rounding

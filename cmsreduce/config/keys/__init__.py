@@ -19,6 +19,7 @@ from cmsreduce.config.keys.reduce import ModeSetKeys, ReduceKeys
 from cmsreduce.config.keys.scene import SceneKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys, SpinKeys
 from cmsreduce.config.keys.verify import CHECK_OF, RELATIVE_ERRORS, CompareKeys, LimitKeys, VerifyKeys
+from cmsreduce.config.keys.wheels import MOMENTUM, WheelKeys
 from cmsreduce.config.keys.write import BASIC, CENTRE, WriteKeys
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "KeepKeys",
     "Keys",
     "MatrixFile",
+    "MOMENTUM",
     "Memory",
     "ModeSetKeys",
     "ParameterKeys",
@@ -55,6 +57,7 @@ __all__ = [
     "Size",
     "SpinKeys",
     "VerifyKeys",
+    "WheelKeys",
     "WriteKeys",
     "channel_kind",
     "check_name",

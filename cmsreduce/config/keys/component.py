@@ -28,6 +28,7 @@ from cmsreduce.config.keys.quantities import Quantity
 from cmsreduce.config.keys.reduce import ReduceKeys
 from cmsreduce.config.keys.rigid import RigidKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys
+from cmsreduce.config.keys.wheels import WheelKeys
 from cmsreduce.config.keys.write import BodyWriteKeys
 from cmsreduce.config.located import Text
 from cmsreduce.errors import DampingError
@@ -37,7 +38,7 @@ __all__ = ["Component", "DampingKeys", "EXTSEOUT_NAMES", "FLEXIBLE_ONLY", "Place
 
 FLEXIBLE_ONLY = (
     *("extseout", "modes", "reduced", "states", "stiffness", "mass", "geometry", "rows", "damping"),
-    *("grounded", "geometric_stiffness", "reduce", "balance", "write"),
+    *("gyroscopic", "grounded", "geometric_stiffness", "reduce", "balance", "write"),
 )
 """Keys that a rigid body does not have."""
 
@@ -46,11 +47,14 @@ EXTSEOUT_NAMES = ("KXX", "MXX")
 
 # Files of a superelement by what they hold, the likeliest first.
 _EXTSEOUT_MATRICES, _EXTSEOUT_GEOMETRY = (".op4", ".op2", ".pch"), (".asm", ".pch")
-_NOT_BESIDE_MODES = ("rigid", "extseout", "reduced", "states", "stiffness", "mass", "geometric_stiffness")
-_NOT_BESIDE_REDUCED = (
-    *("rigid", "extseout", "states", "stiffness", "mass", "geometry", "rows", "grounded", "geometric_stiffness"),
+_NOT_BESIDE_MODES = (
+    *("rigid", "extseout", "reduced", "states", "stiffness", "mass", "gyroscopic", "geometric_stiffness"),
 )
-_NOT_BESIDE_STATES = ("rigid", "extseout", "stiffness", "mass", "geometric_stiffness")
+_NOT_BESIDE_REDUCED = (
+    *("rigid", "extseout", "states", "stiffness", "mass", "geometry", "rows", "gyroscopic", "grounded"),
+    "geometric_stiffness",
+)
+_NOT_BESIDE_STATES = ("rigid", "extseout", "stiffness", "mass", "gyroscopic", "geometric_stiffness")
 _LAWS = ("modal", "table", "per_mode", "rayleigh", "structural", "matrix")
 
 
@@ -210,6 +214,17 @@ class Component(Keys):
     )
     damping: DampingKeys | None = Field(
         default=None, description="Damping of the body; undamped without this key.", examples=[{"modal": 0.005}]
+    )
+    gyroscopic: MatrixFile | None = Field(
+        default=None,
+        description="Gyroscopic matrix of rotors, skew, in the rows and units of the stiffness; it is added to the "
+        "damping.",
+        examples=["rotor_gyroscopic.op4"],
+    )
+    wheels: dict[Name, WheelKeys] = Field(
+        default={},
+        description="Momentum wheels and rotors by name: each turns at constant speed about an axis of the body.",
+        examples=[{"roll": {"at": 1001, "axis": "x", "momentum": "12 N*m*s"}}],
     )
     units: UnitSystem | None = Field(
         default=None,

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, Strict, WithJsonSchema, model_validator
 
 from cmsreduce.config.keys.files import MatrixFile
-from cmsreduce.config.keys.mapping import Keys, Name, reported
+from cmsreduce.config.keys.mapping import Keys, Name, OneOrMore, reported
 from cmsreduce.config.keys.quantities import (
     Compound,
     ElementFigure,
@@ -18,6 +18,7 @@ from cmsreduce.config.keys.quantities import (
     powers_of,
 )
 from cmsreduce.errors import UnitsError
+from cmsreduce.model import Letter
 
 __all__ = ["ParameterKeys", "ParameterMatrix", "parse_value"]
 
@@ -65,7 +66,7 @@ class ParameterMatrix(MatrixFile):
 
 
 class ParameterKeys(Keys):
-    """A number that changes bodies or joints: K = K0 + sum of p^power K_p, M and D alike."""
+    """A number that changes bodies or joints: K = K0 + sum of p^power K_p, and M, D and G alike."""
 
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ()
 
@@ -94,6 +95,16 @@ class ParameterKeys(Keys):
         description="The same for the viscous damping; a damping law of a body stays that of its own K and M.",
         examples=[{"panel": {"file": "damper.op4"}}],
     )
+    gyroscopic: dict[Name, ParameterMatrix] = Field(
+        default={},
+        description="The same for the gyroscopic matrix, which is skew and belongs to a spin.",
+        examples=[{"rotor": {"file": "gyroscopic.op4"}}],
+    )
+    wheels: Annotated[tuple[str, ...], OneOrMore()] = Field(
+        default=(),
+        description="Wheels COMPONENT.WHEEL to whose angular momentum the value is added.",
+        examples=["hub.roll"],
+    )
     joints: dict[str, ElementFigure] = Field(
         default={},
         description="Free motions JOINT or JOINT.DOF to whose spring (`stiffness`), damper (`damping`) or `inertia` "
@@ -109,8 +120,10 @@ class ParameterKeys(Keys):
 
     @model_validator(mode="after")
     def _acts(self) -> ParameterKeys:
-        if not (self.stiffness or self.mass or self.damping or self.joints):
-            raise ValueError("a parameter changes nothing: give `stiffness`, `mass`, `damping` or `joints`")
+        if not (any(self.matrices().values()) or self.wheels or self.joints):
+            raise ValueError(
+                "a parameter changes nothing: give `stiffness`, `mass`, `damping`, `gyroscopic`, `wheels` or `joints`"
+            )
         if self.unit.value == 0:
             raise ValueError("unit: the matrices cannot be for the value zero")
         known = [value for value in self.values if value.value or value.unit]
@@ -118,6 +131,6 @@ class ParameterKeys(Keys):
             raise ValueError(f"unit: {self.unit} and {known[0]} are of different dimensions")
         return self
 
-    def matrices(self) -> dict[str, dict[str, ParameterMatrix]]:
+    def matrices(self) -> dict[Letter, dict[str, ParameterMatrix]]:
         """Matrices by letter and component."""
-        return {"K": self.stiffness, "M": self.mass, "D": self.damping}
+        return {"K": self.stiffness, "M": self.mass, "D": self.damping, "G": self.gyroscopic}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen.pencil import elastic_and_massless
 from cmsreduce.linalg.sparse import factorise
-from cmsreduce.model import Matrix
+from cmsreduce.model import Matrix, is_gyroscopic
 
 __all__ = ["ALL_ROOTS_LIMIT", "ComplexModes", "DampedPencil", "complex_modes"]
 
@@ -43,6 +44,10 @@ _ROUNDS = 20
 # Growth rate s of the load whose responses extend the basis, as a share of the highest frequency. A smaller rate suits
 # light damping, a larger one damping forces that exceed the stiffness forces.
 _GROWTH = 0.3
+# Largest number of coordinates at which the roots of a gyroscopic system are found all at once.
+_ALL_GYROSCOPIC = 400
+# Coordinates on which the gyroscopic matrix of a larger system may act.
+_MOST_LOADED = 1000
 # Damping acts on a rigid motion if more than this share of its terms is left there; round-off leaves less.
 _DAMPED = 1e-9
 
@@ -57,12 +62,16 @@ class _Basis(NamedTuple):
     root_mass : (m,) float64
         1/w for an undamped mode; 0 for a shape without mass.
     damped_rigid : (N, b) float64
-        Rigid motions, orthonormal in M and M-orthogonal to V; D is diagonal and positive on them.
+        Rigid motions, orthonormal in M and M-orthogonal to V; D between them is regular.
+    coupled_rigid : (N, c) float64
+        Other rigid motions, orthonormal and M-orthogonal too, which D couples to elastic motion alone, as gyroscopic
+        forces do.
     """
 
     V: Real
     root_mass: Real
     damped_rigid: Real
+    coupled_rigid: Real
 
 
 class _Roots(NamedTuple):
@@ -76,11 +85,25 @@ class _Roots(NamedTuple):
         Their shapes.
     x : (m, k) complex128
         Amplitudes of the elastic shapes of the basis in X.
+    Y : (N, k) complex128
+        Left shapes, Y^T Z(s) = 0; those of symmetric matrices are X.
+    y : (m, k) complex128
+        Amplitudes of the elastic shapes of the basis in Y.
     """
 
     s: Complex
     X: Complex
     x: Complex
+    Y: Complex
+    y: Complex
+
+    def chosen(self, some: NDArray[np.bool_] | NDArray[np.int64]) -> _Roots:
+        """Some of the roots."""
+        return _Roots(self.s[some], *(part[:, some] for part in self[1:]))
+
+    def mirrored(self) -> _Roots:
+        """The same roots with right and left shapes exchanged."""
+        return _Roots(self.s, self.Y, self.y, self.X, self.x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,13 +145,19 @@ class DampedPencil:
     K, M : (N, N) Matrix
         Stiffness and mass, symmetric, positive semidefinite.
     D, loss : (N, N) Matrix, optional
-        Viscous damping and the imaginary part of the stiffness, symmetric, positive semidefinite.
+        Viscous damping and the imaginary part of the stiffness, symmetric, positive semidefinite. D may have a skew
+        part, that of gyroscopic forces, which do no work.
     """
 
     K: Matrix
     M: Matrix
     D: Matrix | None
     loss: Matrix | None
+
+    @cached_property
+    def gyroscopic(self) -> bool:
+        """True if D has a skew part."""
+        return is_gyroscopic(self.D)
 
     @property
     def N(self) -> int:
@@ -148,6 +177,12 @@ class DampedPencil:
             r = r + 1j * (self.loss @ found.X)
         return np.asarray(r)
 
+    def transposed(self) -> DampedPencil:
+        """The system whose shapes are the left shapes of this one."""
+        D = self.D
+        mirrored = sp.csc_array(D.T) if isinstance(D, sp.sparray) else None if D is None else np.asarray(D.T)
+        return DampedPencil(self.K, self.M, mirrored, self.loss)
+
     def slope(self, found: _Roots) -> Real:
         """Slope x^H (2 |s| M + D) x of the equation over s for each shape (k,)."""
         slope = 2 * abs(found.s) * _energy(found.X, self.M)
@@ -159,31 +194,35 @@ class DampedPencil:
         Notes
         -----
         The eigenvalues are mu = 1/s, so that soft modes keep their digits and shapes without mass, mu = 0, drop out.
-        Let S = diag(root_mass), y = s S x, C = (1 + i loss)^-1 and v the velocities of damped rigid motions. The root
-        s = 0 of their positions is left out:
+        Let S = diag(root_mass), y = s S x, v the velocities of damped rigid motions and E those of coupled ones over
+        x. The root s = 0 of their positions is left out, and the momentum of coupled ones, v_c = -D_ce x, stiffens:
+        C = (1 + D_ce^T D_ce + i loss)^-1, because D_ec = -D_ce^T where D_cc is zero.
 
             mu v = -D_rr^-1 (v + D_re x)
             mu x = C (D_er D_rr^-1 (v + D_re x) - D_ee x - S y)
             mu y = S x
         """
         S, b, m = basis.root_mass, basis.damped_rigid.shape[1], basis.root_mass.size
-        L = None if self.loss is None else np.asarray(basis.V.T @ (self.loss @ basis.V))
-        C = None if L is None else np.asarray(la.inv(np.eye(m) + 1j * L), dtype=np.complex128)
+        K: Real | Complex = np.eye(m)
+        if self.loss is not None:
+            K = np.asarray(K + 1j * np.asarray(basis.V.T @ (self.loss @ basis.V)), dtype=np.complex128)
+        coupling = np.zeros((basis.coupled_rigid.shape[1], m))
         if self.D is None:
             D = np.zeros((m, m))
-            mu, x = _conservative(S, C)
-            v = np.empty((0, mu.size), dtype=np.complex128)
+            mu, x = _conservative(S, None if self.loss is None else np.asarray(la.inv(K), dtype=np.complex128))
+            y = x
         else:
             both = np.hstack([basis.damped_rigid, basis.V])
             D = np.asarray(both.T @ (self.D @ both))
-            mu, states = la.eig(_inverse_pencil(S, C, D, b))
-            v, x = (np.asarray(part, dtype=np.complex128) for part in (states[:b], states[b : b + m]))
+            coupling = np.asarray(basis.coupled_rigid.T @ (self.D @ basis.V))
+            K = K + np.asarray(coupling.T @ coupling, dtype=K.dtype)
+            mu, x, y = _eigenvalues(S, K, D, b, both_sides=self.gyroscopic)
         keep = (abs(mu) * omega >= 1) & (mu.imag <= 0)
-        s, v, x = 1 / mu[keep], v[:, keep], x[:, keep]
-        s = _sharpened(s, v, x, S, D, L)
+        s, x, y = _sharpened(1 / mu[keep], x[:, keep], y[:, keep], S, D, K), x[:, keep], y[:, keep]
+        V, momentum = np.hstack([basis.damped_rigid, basis.V]), basis.coupled_rigid @ coupling
+        X, Y = V @ x - momentum @ (x[b:] / s), V @ y + momentum @ (y[b:] / s)
         order = np.argsort(abs(s), kind="stable")
-        X = basis.V @ x + basis.damped_rigid @ (v / s)
-        return _Roots(s[order], X[:, order], x[:, order])
+        return _Roots(s, X, x[b:], Y, y[b:]).chosen(order)
 
 
 def complex_modes(
@@ -222,62 +261,114 @@ def complex_modes(
     rate. The matrices are symmetric, so that left and right shapes are equal and the error of s is of second order in
     the error of x. The first basis contains a part of every mode: with viscous damping |s|^2 = x^H K x / x^H M x, so
     that an oscillating shape consists mainly of undamped modes up to a little above |s|.
+
+    Gyroscopic forces change this: they may bring a mode from far above the band into it, and left shapes are others
+    than right ones. The first basis then also contains the responses to all loads of these forces, and grows by the
+    residuals of both sides.
     """
-    damped_rigid = _damped_rigid(pencil, rigid)
-    if pencil.N <= ALL_ROOTS_LIMIT:
+    damped_rigid, coupled_rigid = _damped_rigid(pencil, rigid)
+    few = _ALL_GYROSCOPIC if pencil.gyroscopic else ALL_ROOTS_LIMIT
+    if few >= pencil.N:
         lam, V, N = elastic_and_massless(dense(pencil.K), dense(pencil.M), rigid, rounding)
         root_mass = np.append(1 / np.sqrt(lam), np.zeros(N.shape[1]))
-        found = pencil.roots(_Basis(np.hstack([V / np.sqrt(lam), N]), root_mass, damped_rigid), omega)
+        whole = _Basis(np.hstack([V / np.sqrt(lam), N]), root_mass, damped_rigid, coupled_rigid)
+        found = pencil.roots(whole, omega)
     elif undamped is None:
         raise MatrixError(f"a system of {pencil.N} coordinates needs its undamped modes as a start for the damped ones")
     else:
-        found = _settled(pencil, _Basis(undamped[1] / undamped[0], 1 / undamped[0], damped_rigid), rigid, omega)
+        start = _Basis(undamped[1] / undamped[0], 1 / undamped[0], damped_rigid, coupled_rigid)
+        found = _settled(pencil, start, rigid, omega)
     oscillates = found.s.imag > 0
     X = found.X[:, oscillates]
     return ComplexModes(found.s[oscillates], X / np.sqrt(_energy(X, pencil.M)), found.s[~oscillates].real)
 
 
-def _damped_rigid(pencil: DampedPencil, rigid: Real) -> Real:
-    """Rigid motions that D damps, orthonormal in M and orthogonal in D."""
+def _damped_rigid(pencil: DampedPencil, rigid: Real) -> tuple[Real, Real]:
+    """Rigid motions between which D is regular, and those that it may couple to elastic motion alone.
+
+    The first are orthonormal in M, and orthogonal in D if it is symmetric. The symmetric part of D is semidefinite:
+    what D takes to zero within the rigid motions, its transpose does, too.
+    """
     if pencil.D is None or not rigid.shape[1]:
-        return rigid[:, :0]
-    drag, Y = la.eigh(rigid.T @ (pencil.D @ rigid))
+        return rigid[:, :0], rigid[:, :0]
+    between = rigid.T @ (pencil.D @ rigid)
+    if pencil.gyroscopic:
+        _, drag, V = la.svd(between)
+        Y = V.T
+    else:
+        drag, Y = la.eigh(between)
     motions = rigid @ Y
     size = spla.norm(sp.csc_array(pencil.D), 1) * np.sum(motions**2, axis=0)
-    return np.asarray(motions[:, drag > _DAMPED * size])
+    damped = drag > _DAMPED * size
+    return motions[:, damped], motions[:, ~damped] if pencil.gyroscopic else rigid[:, :0]
 
 
 def _settled(pencil: DampedPencil, start: _Basis, rigid: Real, omega: float) -> _Roots:
     """Roots in a basis that grows until all oscillating roots settle, and the real roots that have settled too."""
     solve, momentum = _solver(pencil, omega), np.asarray(pencil.M @ rigid)
+
+    def elastic(shapes: Real) -> Real:
+        shapes -= rigid @ (momentum.T @ shapes)
+        return shapes
+
     start_KV = np.asarray(pencil.M @ start.V) / start.root_mass**2
     basis, KV, grown = start, start_KV, start.V[:, :0]
+    more = grown
+    if pencil.gyroscopic:
+        more = elastic(solve(_gyroscopic_loads(pencil, momentum, rigid)))
+        energy = float(np.einsum("ij,ij->j", more, pencil.K @ more).max(initial=0.0)) or 1.0
+        more *= np.sqrt(_WORTHWHILE / (_DAMPED * energy))
     for _ in range(_ROUNDS):
+        if more.shape[1]:
+            for _ in range(2):
+                more = elastic(more)
+                more -= basis.V @ (KV.T @ more)
+            grown, root_mass = _grown(pencil, grown, more)
+            basis = start._replace(V=np.hstack([start.V, grown]), root_mass=np.append(start.root_mass, root_mass))
+            KV = np.hstack([start_KV, np.asarray(pencil.K @ grown)])
         found = pencil.roots(basis, omega)
-        r = pencil.residual(found, KV)
-        r -= momentum @ (rigid.T @ r)
-        t = solve(np.hstack([r.real, r.imag]))
-        t = t[:, : found.s.size] + 1j * t[:, found.s.size :]
-        left = abs(np.einsum("ij,ij->j", r.conj(), t))
         allowed = _ACCURACY * np.maximum(-found.s.real, _LEAST_DECAY * abs(found.s)) * pencil.slope(found)
+        sides = [(pencil, found)]
+        if pencil.gyroscopic:
+            sides.append((pencil.transposed(), found.mirrored()))
+        left, responses = np.zeros(found.s.size), []
+        for of, roots in sides:
+            r = of.residual(roots, KV)
+            r -= momentum @ (rigid.T @ r)
+            t = solve(np.hstack([r.real, r.imag]))
+            t = t[:, : found.s.size] + 1j * t[:, found.s.size :]
+            left = np.maximum(left, abs(np.einsum("ij,ij->j", r.conj(), t)))
+            responses.append(t)
         settled = left <= allowed
         moving = ~settled & (found.s.imag > 0)
         if not moving.any():
-            return _Roots(found.s[settled], found.X[:, settled], found.x[:, settled])
-        more = t[:, moving] / np.sqrt(allowed[moving])
+            return found.chosen(settled)
+        more = np.hstack([t[:, moving] / np.sqrt(allowed[moving]) for t in responses])
         more = np.hstack([more.real, more.imag])
-        for _ in range(2):
-            more -= rigid @ (momentum.T @ more)
-            more -= basis.V @ (KV.T @ more)
-        grown, root_mass = _grown(pencil, grown, more)
-        basis = _Basis(np.hstack([start.V, grown]), np.append(start.root_mass, root_mass), start.damped_rigid)
-        KV = np.hstack([start_KV, np.asarray(pencil.K @ grown)])
     worst = int(np.argmax(np.where(moving, left / allowed, 0.0)))
     raise MatrixError(
         f"the complex mode at {abs(found.s[worst]) / 2 / np.pi:.6g} Hz did not settle in {_ROUNDS} rounds: it is known "
         f"to {_ACCURACY * left[worst] / allowed[worst]:.1e} of its decay rate. Check the damping matrix for entries "
         "much larger than stiffness over frequency"
     )
+
+
+def _gyroscopic_loads(pencil: DampedPencil, momentum: Real, rigid: Real) -> Real:
+    """Loads (N, k) that span what the skew part of D exerts, without those that move the rigid motions."""
+    assert pencil.D is not None
+    D = sp.csc_array(pencil.D)
+    skew = sp.csc_array(D - D.T)
+    rows = np.unique(skew.indices)
+    if rows.size > _MOST_LOADED:
+        raise MatrixError(
+            f"the gyroscopic matrix of a system of {pencil.N} coordinates acts on {rows.size} of them, and roots that "
+            f"it brings into the band are found for certain up to {_MOST_LOADED}: reduce the body first"
+        )
+    U, size, _ = la.svd(skew[rows][:, rows].toarray())
+    U = U[:, size > _DAMPED * size[0]]
+    loads = np.zeros((pencil.N, U.shape[1]))
+    loads[rows] = U
+    return np.asarray(loads - momentum @ (rigid.T @ loads))
 
 
 def _grown(pencil: DampedPencil, grown: Real, more: Real) -> tuple[Real, Real]:
@@ -294,7 +385,8 @@ def _solver(pencil: DampedPencil, omega: float) -> Callable[[Real], Real]:
     s = _GROWTH * omega
     Z = pencil.K + s**2 * pencil.M
     if pencil.D is not None:
-        Z = Z + s * pencil.D
+        # Without gyroscopic forces: any definite matrix serves.
+        Z = Z + 0.5 * s * (pencil.D + pencil.D.T)
     if sp.issparse(Z):
         return factorise(sp.csc_array(Z), what="the system under a growing load")
     factor = la.cho_factor(np.asarray(Z))
@@ -309,28 +401,43 @@ def _conservative(S: Real, C: Complex | None) -> tuple[Complex, Complex]:
     return -1j * np.sqrt(nu), C @ (S[:, None] * y)
 
 
-def _inverse_pencil(S: Real, C: Complex | None, D: Real, b: int) -> Real | Complex:
-    """Matrix of mu (v, x, y) in `DampedPencil.roots`."""
+def _eigenvalues(S: Real, K: Real | Complex, D: Real, b: int, *, both_sides: bool) -> tuple[Complex, Complex, Complex]:
+    """Eigenvalues of mu (v, x, y) in `DampedPencil.roots`, and right and left amplitudes of all motions (b + m, k)."""
     m = S.size
-    coupling = D[:b, b:] / D[:b, :b].diagonal()[:, None]
-    x_from = np.hstack([coupling.T, coupling.T @ D[:b, b:] - D[b:, b:], -np.diag(S)])
-    rows = [
-        np.hstack([-np.diag(1 / D[:b, :b].diagonal()), -coupling, np.zeros((b, m))]),
-        x_from if C is None else C @ x_from,
-        np.hstack([np.zeros((m, b)), np.diag(S), np.zeros((m, m))]),
-    ]
-    return np.vstack(rows)
+    D_er = D[b:, :b]
+    by_rigid = la.solve(D[:b, :b], np.hstack([np.eye(b), D[:b, b:]])) if b else np.zeros((0, m))
+    x_from = np.hstack([D_er @ by_rigid - np.hstack([np.zeros((m, b)), D[b:, b:]]), -np.diag(S)])
+    P = np.vstack(
+        [
+            np.hstack([-by_rigid, np.zeros((b, m))]),
+            la.solve(K, x_from),
+            np.hstack([np.zeros((m, b)), np.diag(S), np.zeros((m, m))]),
+        ]
+    )
+    if not both_sides:
+        mu, states = la.eig(P)
+        x = np.vstack([states[:b] * mu, states[b : b + m]])
+        return mu, x, x
+    mu, left, states = la.eig(P, left=True)
+    x = np.vstack([states[:b] * mu, states[b : b + m]])
+    # P = A^-1 B, and A^T turns left vectors of B - mu A into those of P.
+    y_e = la.solve(K, left[b : b + m].conj())
+    y_r = la.solve(D[:b, :b].T, left[:b].conj() - D_er.T @ y_e) if b else y_e[:0]
+    return mu, x, np.vstack([y_r, y_e])
 
 
-def _sharpened(s: Complex, v: Complex, x: Complex, S: Real, D: Real, L: Real | None) -> Complex:
-    """Roots after a Newton step on q^T Z(s) q = 0, which squares the error that a shape q causes in its root."""
-    q = np.vstack([v / s, x])
-    mass = np.sum((v / s) ** 2, axis=0) + np.sum((S[:, None] * x) ** 2, axis=0)
-    damping = np.einsum("ij,ij->j", q, D @ q)
-    stiffness = np.sum(x**2, axis=0) + (0 if L is None else 1j * np.einsum("ij,ij->j", x, L @ x))
+def _sharpened(s: Complex, x: Complex, y: Complex, S: Real, D: Real, K: Real | Complex) -> Complex:
+    """Roots after a Newton step on y^T Z(s) x = 0, which squares the error that the shapes cause in their root."""
+    b = D.shape[0] - S.size
+    root = np.concatenate([np.ones(b), S])[:, None]
+    mass = np.sum((root * y) * (root * x), axis=0)
+    damping = np.einsum("ij,ij->j", y, D @ x)
+    stiffness = np.einsum("ij,ij->j", y[b:], K @ x[b:])
     slope = 2 * s * mass + damping
-    length = np.sum(abs(v / s) ** 2, axis=0) + np.sum(abs(S[:, None] * x) ** 2, axis=0)
-    sound = abs(slope) > _CANCELS * (2 * abs(s) * length + np.einsum("ij,ij->j", q.conj(), D @ q).real)
+    sizes = [
+        2 * abs(s) * np.sum(abs(root * q) ** 2, axis=0) + np.einsum("ij,ij->j", q.conj(), D @ q).real for q in (x, y)
+    ]
+    sound = abs(slope) > _CANCELS * np.sqrt(sizes[0] * sizes[1])
     step = (s**2 * mass + s * damping + stiffness) / np.where(sound, slope, 1.0)
     return np.asarray(np.where(sound, s - step, s))
 

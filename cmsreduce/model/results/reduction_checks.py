@@ -205,6 +205,8 @@ class ControllerMargin:
         sigma_max(dG K) and sigma_min(I + G_R K) over the band.
     unstable : int, optional
         Number of growing roots of the reduced loop; None where it has no real state space.
+    loops : ((f,), (f,)) complex128, optional
+        Open loops det(I + G K) - 1 with the reference and the reduced model: G K where there is one loop.
     """
 
     configuration: str
@@ -212,6 +214,7 @@ class ControllerMargin:
     spillover: Array
     borne: Array
     unstable: int | None
+    loops: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
 
     @property
     def quotient(self) -> Array:

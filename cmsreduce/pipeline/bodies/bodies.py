@@ -97,7 +97,7 @@ class FlexibleBody:
     @property
     def undamped(self) -> FEModel:
         """The body without its damping, for questions of geometry."""
-        terms = tuple(term for term in self.body.terms if term.letter != "D")
+        terms = tuple(term for term in self.body.terms if term.letter in "KM")
         return replace(self.body, damping=Damping(), D=None, terms=terms)
 
     @cached_property
@@ -189,11 +189,17 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     if body.damping.law == "none" and body.D is None:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
     notes += [note for note in (unused, determined.note) if note]
-    terms, unproven_terms = body_terms(pipeline, body, as_read)
+    added, unproven_terms = body_terms(pipeline, body, as_read)
+    terms = (*body.terms, *added)
     if terms:
         body = replace(body, terms=terms, corners=body_corners(terms, scene, name))
         determined = replace(determined, body=body)
         notes += unproven_terms
+    if any(term.gyroscopic for term in terms):
+        notes.append(
+            f"{name}: mode sets, rankings of single bodies, frequency_error and zeros leave its gyroscopic forces "
+            "out; responses, searches by errors and complex modes have them"
+        )
     ports = _ports(pipeline, determined, rigid, scene)
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.

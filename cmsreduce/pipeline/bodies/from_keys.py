@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cmsreduce.config import EXTSEOUT_NAMES, Component, InterfaceKeys, Pipeline
@@ -154,7 +156,13 @@ def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
     body = RigidBody(
         name, part.rigid.mass, np.array(part.rigid.cg), part.rigid.tensor(), faces, part.units_in(scene.units)
     )
-    return rigid_in_units(body, scene.units)
+    momentum = np.sum([wheel.vector(scene.units) for wheel in part.wheels.values()] or [np.zeros(3)], axis=0)
+    spun = {
+        parameter: np.sum([part.wheels[wheel].direction for wheel in turned], axis=0) / keys.unit.number_in(scene.units)
+        for parameter, keys in pipeline.scene.parameters.items()
+        if (turned := [wheel for wheel in part.wheels if f"{name}.{wheel}" in keys.wheels])
+    }
+    return replace(rigid_in_units(body, scene.units), momentum=momentum, spun=spun)
 
 
 def _interface(label: str, body: str, keys: InterfaceKeys, units: Units) -> InterfaceSpec:

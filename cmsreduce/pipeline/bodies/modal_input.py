@@ -188,6 +188,7 @@ def _of_component(name: str, path: Path, file: ComponentFile) -> ModalBody:
         units=Units.parse(str(file.attributes["units"]["name"])),
         sources=(Source(str(path), sha256_of(path), f"component {file.name}"),),
         second_order=_second_order(file),
+        G=file.gyroscopic,
     )
 
 

@@ -1,28 +1,30 @@
-"""What parameters of the scene add to the matrices of a body: read, proven, in the rows and units of the body."""
+"""What parameters and gyroscopic forces add to the matrices of a body: read, proven, in its rows and units."""
 
 from __future__ import annotations
 
 from itertools import product
-from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from cmsreduce.config import Pipeline
-from cmsreduce.errors import MatrixError
-from cmsreduce.model import FEModel, ParameterTerm, Scene, Values, matrix_in_units
+from cmsreduce.config import MatrixFile, Pipeline, WheelKeys
+from cmsreduce.errors import MatrixError, SceneError
+from cmsreduce.model import FEModel, Letter, ParameterTerm, Scene, Values, cross_matrix, matrix_in_units
 from cmsreduce.pipeline.bodies.modal_input import matrix_source
 from cmsreduce.pipeline.bodies.stiffening import row_motions
 from cmsreduce.read import read_parameter_matrix
 
 __all__ = ["body_corners", "body_terms"]
 
+# Share of a momentum that the rounding of a frame's axes leaves about an axis.
+_STRAY = 1e-9
 # Corners of a box, or configurations of a list, at which a body's mode set is computed.
 _MOST = 64
 
 
 def body_terms(pipeline: Pipeline, body: FEModel, as_read: FEModel) -> tuple[tuple[ParameterTerm, ...], list[str]]:
-    """Matrices that parameters add to a body, and remarks on facts that could not be proven.
+    """Matrices that parameters add to a body and gyroscopic ones, and remarks on facts that could not be proven.
 
     Parameters
     ----------
@@ -36,27 +38,64 @@ def body_terms(pipeline: Pipeline, body: FEModel, as_read: FEModel) -> tuple[tup
     Raises
     ------
     CmsReduceError
-        If a matrix is not in its file, or does not fit the body.
+        If a matrix is not in its file, or does not fit the body, or a wheel is at a node that does not turn.
     """
-    found, remarks = [], []
-    letters: tuple[Literal["K", "M", "D"], ...] = ("K", "M", "D")
+    part, found, remarks = pipeline.components[body.name], list[ParameterTerm](), list[str]()
+
+    def add(of: str, letter: Letter, given: MatrixFile, what: str, unit: float, power: int, grounded: bool) -> None:
+        A, remark = read_parameter_matrix(matrix_source(given), as_read, letter, what, grounded=grounded)
+        restated = matrix_in_units(A, as_read.dofs, letter, as_read.units, body.units)
+        T = row_motions(body, as_read)
+        _refuse_held(restated, T, body, f"{what}: {given.file.name}", as_read)
+        term = sp.csc_array(T.T @ restated @ T)
+        term = sp.csc_array((term - term.T if letter == "G" else term + term.T) * (0.5 / unit**power))
+        found.append(ParameterTerm(of, letter, term, power))
+        if remark:
+            remarks.append(remark)
+
+    if part.gyroscopic is not None:
+        add("", "G", part.gyroscopic, "the body", 1.0, 0, False)
     for name, keys in pipeline.scene.parameters.items():
         unit = keys.unit.number_in(pipeline.units)
-        for letter in letters:
-            given = keys.matrices()[letter].get(body.name)
-            if given is None:
-                continue
-            source, what = matrix_source(given), f"parameter '{name}'"
-            A, remark = read_parameter_matrix(source, as_read, letter, what, grounded=keys.grounded)
-            restated = matrix_in_units(A, as_read.dofs, letter, as_read.units, body.units)
-            T = row_motions(body, as_read)
-            _refuse_held(restated, T, body, f"{what}: {given.file.name}", as_read)
-            term = sp.csc_array(T.T @ restated @ T)
-            term = sp.csc_array((term + term.T) * (0.5 / unit**given.power))
-            found.append(ParameterTerm(name, letter, term, given.power))
-            if remark:
-                remarks.append(remark)
+        for letter, matrices in keys.matrices().items():
+            if (given := matrices.get(body.name)) is not None:
+                add(name, letter, given, f"parameter '{name}'", unit, given.power, keys.grounded)
+    for label, wheel in part.wheels.items():
+        momentum = wheel.vector(pipeline.units)
+        if momentum.any():
+            found.append(ParameterTerm("", "G", _wheel(body, label, wheel, momentum), 0))
+        for name, keys in pipeline.scene.parameters.items():
+            if f"{body.name}.{label}" in keys.wheels:
+                unit = keys.unit.number_in(pipeline.units)
+                found.append(ParameterTerm(name, "G", _wheel(body, label, wheel, wheel.direction / unit), 1))
     return tuple(found), remarks
+
+
+def _wheel(body: FEModel, wheel: str, keys: WheelKeys, momentum: NDArray[np.float64]) -> sp.csc_array:
+    """Gyroscopic matrix (n, n) of a wheel: the moment w x h that holds it as its node turns at w."""
+    where, label = f"body '{body.name}', wheel '{wheel}'", keys.at
+    face = body.interfaces[label] if isinstance(label, str) else None
+    if face is not None and face.node.size != 1:
+        raise SceneError(f"{where}: the interface '{label}' has {face.node.size} nodes: give one of them, `at: NODE`")
+    node = int(face.node[0]) if face is not None else int(str(label))
+    at = -1 if body.nodes is None else int(body.nodes.index(node)[0])
+    if body.nodes is None or at < 0:
+        raise SceneError(f"{where}: the body has no node {node} in its geometry")
+    known = body.recovery
+    rows = known.dofs.rows(node, np.arange(4, 7))
+    axes = body.nodes.frame[at]
+    G = axes @ -cross_matrix(momentum) @ axes.T
+    needed = abs(G).max(axis=1) > _STRAY * abs(G).max()
+    if body.constrained is not None:
+        # A rotation that is held does not turn the wheel.
+        needed &= (rows >= 0) | (body.constrained.rows(node, np.arange(4, 7)) < 0)
+    if (rows[needed] < 0).any():
+        raise SceneError(
+            f"{where}: node {node} has no rotation about an axis that its momentum resists; take a node with "
+            "rotations, or an interface that is tied to the mesh (`tie`)"
+        )
+    T = known.T[rows[needed]]
+    return sp.csc_array(T.T @ sp.csr_array(G[np.ix_(needed, needed)]) @ T)
 
 
 def body_corners(terms: tuple[ParameterTerm, ...], scene: Scene, name: str) -> tuple[Values, ...]:
@@ -69,7 +108,8 @@ def body_corners(terms: tuple[ParameterTerm, ...], scene: Scene, name: str) -> t
     MatrixError
         If there are too many.
     """
-    own = sorted({term.parameter for term in terms})
+    # Gyroscopic forces change no undamped mode and no static shape.
+    own = sorted({term.parameter for term in terms if not term.gyroscopic})
     if not own:
         return ()
     sampled = list(dict.fromkeys(tuple(each.parameters.get(one, 0.0) for one in own) for each in scene.configurations))

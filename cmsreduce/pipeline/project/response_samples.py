@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble import JoinedRows, held_bodies, modal_weights
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.model import Configuration, ModalComponent
+from cmsreduce.model import Configuration, ModalComponent, is_gyroscopic
 from cmsreduce.pipeline.store import once
 from cmsreduce.pipeline.system import Comparison, ReducedModel, Target
 from cmsreduce.project import BodyModes, ResponseSample, SceneResponses, Shapes
@@ -48,11 +48,21 @@ class SampledScene:
     Raises
     ------
     ConfigError
-        If the damping matrix of a body couples its rigid motion, or is not symmetric.
+        If the damping matrix of a body couples its rigid motion, or a body has gyroscopic forces.
     """
 
     def __init__(self, source: ReducedModel, bodies: Mapping[str, ModalComponent], comparison: Comparison) -> None:
         self.model, self.comparison = source.assembled, comparison
+        turning = [
+            name
+            for name, sub in self.model.substructures.items()
+            if is_gyroscopic(sub.D) or any(term.gyroscopic for term in sub.terms)
+        ]
+        if turning:
+            raise ConfigError(
+                f"project.responses: body '{turning[0]}' has gyroscopic forces, and scene shapes need symmetric "
+                "matrices; use `project: {modes: ...}` or `balance:`"
+            )
         self.held = held_bodies(self.model.stack, self.model.scene, in_modes=False)
         self.components = {name: c for name, c in bodies.items() if c.elastic_count}
         self.bodies = {name: _body_modes(component) for name, component in self.components.items()}
@@ -163,11 +173,6 @@ def _body_modes(component: ModalComponent) -> BodyModes:
     if D is None:
         return BodyModes(component.omega[e], component.viscous[e], loss)
     size = abs(D).max(initial=0.0)
-    if abs(D - D.T).max(initial=0.0) > _COUPLED * size:
-        raise ConfigError(
-            f"project.responses: body '{component.name}' has a damping matrix with a gyroscopic (skew) part; scene "
-            "shapes need a symmetric one. Use `project: {modes: ...}` or `balance:` for this body"
-        )
     others = np.delete(np.arange(component.omega.size), e)
     if abs(D[others, e]).max(initial=0.0) > _COUPLED * size:
         raise ConfigError(

@@ -77,6 +77,7 @@ def floating_body(path: Path, values: Values | None = None) -> FloatingBody:
         )
     }
     K, D = _with_parameters(component, integrals, body, values or {})
+    G = varied(component.gyroscopic, component.parameter_terms, "G", values or {})
     return FloatingBody(
         name=body.name,
         mass=integrals.mass,
@@ -95,7 +96,24 @@ def floating_body(path: Path, values: Values | None = None) -> FloatingBody:
         if stiffening is None
         else Stretch.of(stiffening.acceleration, stiffening.turning, stiffening.spinning),
         held=component.rigid_count == 0,
+        gyroscopic=None if G is None else _over_speeds(component, integrals, np.asarray(G)),
     )
+
+
+def _over_speeds(component: ComponentFile, integrals: ModalIntegrals, G: Array) -> Array:
+    """Gyroscopic matrix over velocity and angular velocity of the frame and the rates of the deforming modes.
+
+    The rigid modes are orthonormal in the mass: a rigid motion u has the amplitudes Phi_r^T M u, its momentum in them.
+    """
+    columns, rigid = integrals.modes, slice(0, component.rigid_count)
+    S = np.zeros((component.omega.size, _SIX + columns.size))
+    S[columns, _SIX + np.arange(columns.size)] = 1.0
+    if component.rigid_count:
+        A, momentum = integrals.axes, component.arrays["integrals/int_phi"][:, rigid]
+        turning = component.arrays["integrals/int_r_x_phi"][:, rigid]
+        S[rigid, :3] = (A @ momentum).T
+        S[rigid, 3:_SIX] = (A @ (turning - np.cross(integrals.origin, momentum, axisb=0, axisc=0))).T
+    return S.T @ G @ S
 
 
 def _with_parameters(
@@ -106,7 +124,7 @@ def _with_parameters(
     A parameter that changes the mass changes the modal integrals, and one that resists rigid motion acts on the frame:
     both are refused.
     """
-    acting = [term for term in component.parameter_terms if term.factor(values)]
+    acting = [term for term in component.parameter_terms if term.factor(values) and not term.gyroscopic]
     columns = integrals.modes
     rigid = np.setdiff1d(np.arange(component.omega.size), columns)
     for term in acting:

@@ -18,7 +18,13 @@ from cmsreduce.write import ComponentFile, read_component, system_settings
 __all__ = ["multibody_scene"]
 
 # What a body is for a floating-frame code; names, rankings and channels may differ between equal bodies.
-_THE_BODY = ("modes/mass", "modes/stiffness", "modes/damping", "modes/omega", "nodes/", "integrals/", "frame/")
+_THE_BODY = (
+    *("modes/mass", "modes/stiffness", "modes/damping", "modes/gyroscopic", "modes/omega"),
+    *("nodes/", "integrals/", "frame/"),
+)
+
+# Keys of a component that its files do not replace.
+_OF_THE_BODY = ("rigid", "wheels", "interfaces", "place", "units", "grounded")
 
 
 def multibody_scene(folder: Path, configuration: str | None = None) -> MultibodyScene:
@@ -69,7 +75,9 @@ def _scene_keys(settings: Mapping[str, Any], files: Mapping[str, ComponentFile])
     """Keys of the scene and its bodies; flexible bodies by the nodes in their files, whatever they were named by."""
     parts: dict[str, Any] = {}
     for name, part in settings["components"].items():
-        parts[name] = {key: part[key] for key in ("rigid", "interfaces", "place", "units", "grounded") if key in part}
+        parts[name] = {
+            key: part[key] for key in ("rigid", "wheels", "interfaces", "place", "units", "grounded") if key in part
+        }
         if name in files:
             faces = {face: {"nodes": list(nodes)} for face, nodes in files[name].interfaces.items()}
             source = {"file": f"{name}.h5"}

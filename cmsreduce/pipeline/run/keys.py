@@ -29,11 +29,17 @@ def body_key(pipeline: Pipeline, name: str) -> str:
 
 def _parameters(pipeline: Pipeline, name: str) -> list[Any]:
     """Matrices that parameters add to a body, with all configurations where there are any."""
-    added = [
+    added: list[Any] = [
         (parameter, keys.unit.plain, letter, matrices[name].model_dump(mode="json"))
         for parameter, keys in pipeline.scene.parameters.items()
         for letter, matrices in keys.matrices().items()
         if name in matrices
+    ]
+    added += [
+        (parameter, keys.unit.plain, "wheel", text)
+        for parameter, keys in pipeline.scene.parameters.items()
+        for text in keys.wheels
+        if text.partition(".")[0] == name
     ]
     if not added:
         return []
@@ -93,7 +99,7 @@ def system_key(
         Of the scene.
     """
     # File names are left out: their contents are in the keys of the bodies.
-    read = {"like", "extseout", "reduced", "modes", "stiffness", "mass", "geometry", "rows", "damping"}
+    read = {"like", "extseout", "reduced", "modes", "stiffness", "mass", "geometry", "rows", "damping", "gyroscopic"}
     files: dict[str, Any] = {"components": {"__all__": read}}
     elsewhere = dict.fromkeys(("name", "output", "include", "write"), True)
     # A controller closes loops around finished results.

@@ -126,7 +126,7 @@ class AssembledModel:
         self.stack = PointStack(self.substructures)
         self._nominal = nominal
         self._wider: AssembledModel | None = None
-        terms = [term.parameter for sub in self.substructures.values() for term in sub.terms]
+        terms = [term.parameter for sub in self.substructures.values() for term in sub.terms if not term.constant]
         joints = [name for joint in scene.joints for element in joint.elements for name, _ in element.varied]
         self._parameters = sorted({*terms, *joints})
 

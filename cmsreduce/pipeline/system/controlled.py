@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from cmsreduce.model import ConfigurationResult, Controller, ControllerMargin
 from cmsreduce.pipeline.system.stability import SystemRoots
-from cmsreduce.verify import controller_response, stability_margin
+from cmsreduce.verify import controller_response, open_loop, stability_margin
 
 __all__ = ["controller_margins"]
 
@@ -43,5 +43,6 @@ def controller_margins(
         spillover, borne = stability_margin(response.full, response.reduced[label], K)
         closed = roots[result.configuration.name]
         unstable = None if closed is None else closed.growing.size
-        found.append(ControllerMargin(result.configuration.name, hz, spillover, borne, unstable))
+        loops = open_loop(response.full, K), open_loop(response.reduced[label], K)
+        found.append(ControllerMargin(result.configuration.name, hz, spillover, borne, unstable, loops))
     return tuple(found)

@@ -81,6 +81,9 @@ def without_energy(substructures: Mapping[str, Substructure], damped: Collection
             A = getattr(sub, letter)
             if A is None:
                 continue
+            if letter == "D":
+                # Gyroscopic forces do no work.
+                A = (A + A.T) * 0.5
             if letter == "D" and sub.omega is not None:
                 held = _stands_still(dense(A), sub.omega)
             else:
@@ -137,7 +140,7 @@ def system_roots(
     -------
     SystemRoots or None
         None if the system is large or has no real state space: a complex stiffness, a rate that is measured where an
-        actuator moves a shape without mass, or an algebraic loop that is singular.
+        actuator moves a shape without mass, gyroscopic forces on such a shape, or an algebraic loop that is singular.
 
     Notes
     -----
@@ -151,6 +154,8 @@ def system_roots(
         return None
     w, Phi, static = model.every_mode(configuration)
     X, D = np.hstack([system.rigid, Phi]), np.zeros((system.N, system.N)) if system.D is None else dense(system.D)
+    if system.gyroscopic and (abs(D @ static) > _ROUND_OFF * abs(D).max() * abs(static).max(axis=0)).any():
+        return None
     drag, Y = la.eigh(static.T @ D @ static) if static.shape[1] else (np.empty(0), np.empty((0, 0)))
     lags = drag * w.max(initial=1.0) > _NO_DAMPING
     slow, quick, d = static @ Y[:, lags], static @ Y[:, ~lags], drag[lags]
@@ -173,7 +178,7 @@ def system_roots(
     y_z, y_u = y_z + system.C2 @ slow @ n_z, (system.C1 @ quick) @ loads + system.C2 @ slow @ n_u
     states = np.hstack([np.zeros((controller.C.shape[0], 2 * k + m)), controller.C])
     loop = np.eye(states.shape[0]) + controller.D @ y_u
-    if np.linalg.cond(loop) > 1 / _ROUND_OFF:
+    if loop.size and np.linalg.cond(loop) > 1 / _ROUND_OFF:
         return None
     u_z = -np.linalg.solve(loop, states + controller.D @ y_z)
     own = np.hstack([np.zeros((c, 2 * k + m)), controller.A])

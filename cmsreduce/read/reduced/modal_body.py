@@ -18,6 +18,7 @@ from cmsreduce.model import (
     DofTable,
     FEModel,
     Nodes,
+    ParameterTerm,
     Recovery,
     SecondOrder,
     Source,
@@ -72,6 +73,8 @@ class ModalBody:
         Integrals of second order of the coordinates, about the basic origin, where the file states them.
     remarks : tuple of str
         What was changed in reading it, with figures.
+    G : (m, m) float64, optional
+        Gyroscopic matrix.
     """
 
     name: str
@@ -89,6 +92,7 @@ class ModalBody:
     unproven: str = ""
     second_order: SecondOrder | None = None
     remarks: tuple[str, ...] = ()
+    G: Array | None = None
 
 
 def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEModel:
@@ -162,6 +166,7 @@ def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEMode
         second_order=modal.second_order and modal.second_order.of(T),
         grounded=not _free(modal).size,
         sources=modal.sources,
+        terms=() if modal.G is None else (ParameterTerm("", "G", sp.csc_array(T.T @ modal.G @ T), 0),),
     )
     return prove_row_order(body).estimated(body)
 

@@ -16,6 +16,7 @@ from cmsreduce.report.page import decibels
 from cmsreduce.report.palette import FULL, LIMIT, model_style
 from cmsreduce.report.pictures.figure import drawn, legend_above, line_of, literal, plain_axes
 from cmsreduce.report.pictures.modes import effective_mass_picture, gain_picture, mac_picture, sigma_picture
+from cmsreduce.report.pictures.open_loop import nichols_picture, nyquist_picture
 from cmsreduce.report.pictures.scene import scene_picture, shapes_picture
 from cmsreduce.report.wording import FIGURES, Figure, compared, file_name, worst
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FIGURE_NAMES", "figure_pictures", "response_picture", "run_pictures", "write_pictures"]
 
-FIGURE_NAMES = ("bode", "error-cost", "mac", "modes", "scene", "errors", "gains")
+FIGURE_NAMES = ("bode", "nyquist", "nichols", "error-cost", "mac", "modes", "scene", "errors", "gains")
 """Single pictures for papers and slides, at the worst configuration and channel."""
 
 _INCHES, _WITH_PHASE = (8.0, 5.2), (8.0, 6.4)
@@ -179,7 +180,8 @@ def figure_pictures(run: RunResult) -> dict[str, Callable[[Path], None]]:
     Parameters
     ----------
     run : RunResult
-        ``bode`` is the worst channel at its worst configuration, with phase.
+        ``bode`` is the worst channel at its worst configuration, with phase; ``nyquist`` and ``nichols`` are the
+        controller's open loop where it has the least margin, or the same channel.
     """
     every = run_pictures(run)
     found = {"modes": every["shapes"]} if "shapes" in every else {}
@@ -187,6 +189,8 @@ def figure_pictures(run: RunResult) -> dict[str, Callable[[Path], None]]:
     if run.configurations:
         at, channel = _worst_response(run)
         found["bode"] = partial(response_picture, run, configuration=at, channel=channel, phase=True)
+        for name, draw in (("nyquist", nyquist_picture), ("nichols", nichols_picture)):
+            found[name] = partial(draw, run, configuration=at, channel=channel)
         found["error-cost"] = partial(error_cost_picture, run)
     return {name: found[name] for name in FIGURE_NAMES if name in found}
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import combined, observed
+from cmsreduce.linalg.blocks import combined, dense, observed
 from cmsreduce.mechanics import ACCURACIES, advised_steps, moves_generalised, numerical_damping
 from cmsreduce.model import (
     CostlyModes,
@@ -24,6 +24,7 @@ from cmsreduce.model import (
     Interface,
     ModalComponent,
     OutboardMass,
+    with_gyroscopic,
 )
 from cmsreduce.write.component.component_file import FORMAT, FORMAT_VERSION
 from cmsreduce.write.component.integrals import put_augmented, put_frame, put_integrals, put_stiffening, support
@@ -118,7 +119,7 @@ def write_component(
             put_augmented(file.create_group("augmented"), augmented)
         if stiffening is not None:
             put_stiffening(file.create_group("geometric_stiffness"), stiffening, component.Phi)
-        if component.terms:
+        if any(not term.constant for term in component.terms):
             _parameters(file.create_group("parameters"), component, T)
         faces = file.create_group("interfaces")
         for name, face in body.interfaces.items():
@@ -177,6 +178,9 @@ def _modes(group: Any, component: ModalComponent, T: Row) -> None:
     put(group, "stiffness", np.diag(component.stiffness), "rad^2/time^2", "omega^2, and 1 of a static mode")
     damping = np.diag(component.viscous) if component.D is None else T.T @ component.D @ T
     put(group, "damping", damping, "rad/time", "viscous damping")
+    gyroscopic = with_gyroscopic(None, component.terms)
+    if gyroscopic is not None:
+        put(group, "gyroscopic", T.T @ dense(gyroscopic) @ T, "rad/time", "skew; its forces are beside the damping's")
     if component.damping.structural is not None:
         put(group, "loss", np.diag(component.loss), "rad^2/time^2", "imaginary part of a complex stiffness")
     put_texts(group, "kind", component.kind, "basis shape with most of each mode's kinetic energy, strain if static")
@@ -191,9 +195,9 @@ def _modes(group: Any, component: ModalComponent, T: Row) -> None:
 
 
 def _parameters(group: Any, component: ModalComponent, T: Row) -> None:
-    """Write what parameters add to the modal matrices: M + sum of p^power M_p, K and D alike."""
-    words = {"M": "mass", "K": "stiffness", "D": "damping"}
-    for term in component.terms:
+    """Write what parameters add to the modal matrices: M + sum of p^power M_p, and K, D and G alike."""
+    words = {"M": "mass", "K": "stiffness", "D": "damping", "G": "gyroscopic"}
+    for term in (term for term in component.terms if not term.constant):
         own = group.require_group(term.parameter)
         name = words[term.letter]
         put(own, name, term.over(T).dense, about=f"added to modes/{name}, times the parameter to the power stated")

@@ -6,13 +6,13 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError, WriteError
-from cmsreduce.model import Finding, ParameterTerm, Values, hdf5_items, parameter_label
+from cmsreduce.model import Finding, Letter, ParameterTerm, Values, hdf5_items, parameter_label
 from cmsreduce.write.seal import SEAL, SEALED_ITEMS, broken_seal, content_digests
 
 __all__ = [
@@ -129,7 +129,7 @@ _NAN = {
 }
 """Datasets with numbers that may be NaN, which means unknown; only checks may be infinite."""
 
-_LETTERS: Mapping[str, Literal["M", "D", "K"]] = {"mass": "M", "damping": "D", "stiffness": "K"}
+_LETTERS: Mapping[str, Letter] = {"mass": "M", "damping": "D", "stiffness": "K", "gyroscopic": "G"}
 """Datasets of a parameter, each (m, m)."""
 
 _GROUPS = ("modes", "dofs", "inputs", "outputs", "checks", "provenance", "units", "interfaces", "integration")
@@ -194,6 +194,26 @@ class ComponentFile:
                 power = int(self.attributes[f"parameters/{parameter}"].get(f"{name}_power", 1))
                 found.append(ParameterTerm(parameter, _LETTERS[name], self.arrays[path], power))
         return tuple(found)
+
+    @property
+    def gyroscopic(self) -> NDArray[np.float64] | None:
+        """Gyroscopic matrix of the modes (m, m), skew; None for a body without wheels and rotors."""
+        return self.arrays.get("modes/gyroscopic")
+
+    def refuse_gyroscopic(self, what: str) -> None:
+        """Refuse a body with gyroscopic forces, for a format that has no place for them.
+
+        Raises
+        ------
+        WriteError
+            Names the format.
+        """
+        if self.gyroscopic is not None:
+            raise WriteError(
+                f"component '{self.name}': {what} has no place for the gyroscopic matrix of its wheels and rotors; "
+                "take `hdf5`, `matlab`, `abcd` or `fmi`, which hold it, or model the wheel as a body of its own in "
+                "that program and take it out here"
+            )
 
     def refuse_parameters(self, values: Values, what: str) -> None:
         """Refuse values of parameters that change the body, for a format that holds one body.
@@ -316,6 +336,8 @@ def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str |
     wanted |= {path: ("m",) for path in shapes if path.startswith("modes/rankings/")}
     if "geometric_stiffness" in groups:
         wanted |= _STIFFENING
+    if "modes/gyroscopic" in shapes:
+        wanted["modes/gyroscopic"] = ("m", "m")
     for path in shapes:
         if path.startswith("parameters/"):
             if path.rpartition("/")[2] not in _LETTERS:

@@ -27,7 +27,10 @@ __all__ = ["in_frame", "with_unit_modal_mass"]
 _SIX = 6
 _ROWS = ("nodes/translation", "nodes/rotation", "dofs/shapes", "outputs/C1", "outputs/C2")
 _MOMENTA = ("integrals/int_phi", "integrals/int_r_x_phi")
-_FORMS = ("modes/mass", "modes/stiffness", "modes/damping", "modes/loss", "geometric_stiffness/K")
+_FORMS = (
+    *("modes/mass", "modes/stiffness", "modes/damping", "modes/gyroscopic", "modes/loss"),
+    "geometric_stiffness/K",
+)
 """Datasets that a change of the modes acts on: their columns, and both sides of quadratic forms."""
 _OF_ONE_MODE = ("modes/source_hz", "modes/sigma", "modes/spacing", "modes/kind", "modes/why")
 

@@ -71,7 +71,14 @@ def export_scene(scene: MultibodyScene, program: str, folder: Path) -> tuple[Pat
         raise WriteError(f"{folder}: it holds files already, which may have been changed; remove it, or choose --out")
     for body in scene.bodies:
         if body.file is not None:
-            read_component(body.file).refuse_parameters(scene.configuration.parameters, f"a scene for {program}")
+            component = read_component(body.file)
+            component.refuse_parameters(scene.configuration.parameters, f"a scene for {program}")
+            component.refuse_gyroscopic(f"a scene for {program}")
+        elif body.rigid is not None and body.rigid.momentum_at(scene.configuration.parameters).any():
+            raise WriteError(
+                f"rigid body '{body.name}': a scene for {program} has no place for the momentum of its wheels; model "
+                "the wheel as a body of its own in that program and take it out here"
+            )
     folder.parent.mkdir(parents=True, exist_ok=True)
     # Renamed at the end: a body that is refused leaves no half scene.
     with TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:

@@ -91,6 +91,8 @@ def conversion(
     if name not in TARGETS:
         raise WriteError(not_among("target", name, TARGETS))
     chosen = TARGETS[name]
+    if not chosen.gyroscopic:
+        component.refuse_gyroscopic(f"the format {name}")
     if dialect is not None and dialect not in chosen.dialects:
         known = f"its dialects: {', '.join(chosen.dialects)}" if chosen.dialects else "it has none"
         raise WriteError(f"'{dialect}' is no dialect of {name} ({known})")

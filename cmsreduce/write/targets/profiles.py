@@ -160,6 +160,7 @@ def profile_files(
     chosen = PROFILES[profile]
     if not isinstance(component, ComponentFile):
         component = read_component(component)
+    component.refuse_gyroscopic(f"a file for {profile}")
     if at is not None and chosen.mean_axes:
         raise WriteError(
             f"component '{component.name}': {profile} takes mean axes, not a frame clamped at '{at}': {chosen.why}"

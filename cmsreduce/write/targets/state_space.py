@@ -27,6 +27,8 @@ __all__ = [
 _HEADER = b"MATLAB 5.0 MAT-file, written by cmsreduce".ljust(116)
 # A MAT 5 file counts its bytes in 32 bits.
 _LARGEST = 2**31
+# A change of coordinates leaves this share of the largest entry where there is none.
+_ROUNDING = 1e-12
 
 Array = NDArray[np.float64]
 
@@ -133,7 +135,15 @@ def component_states(component: ComponentFile) -> StateSpace:
             f"component '{name}': a rate sensor measures a static mode, whose rate is the derivative of an input and "
             "not a state; measure the displacement, or take `matlab` and `abcd` out of write.formats"
         )
-    damping = back.T @ arrays["modes/damping"] @ back
+    damping, turning = back.T @ arrays["modes/damping"] @ back, component.gyroscopic
+    if turning is not None:
+        turning = back.T @ turning @ back
+        damping = damping + turning
+    if turning is not None and abs(turning[m:]).max(initial=0.0) > _ROUNDING * abs(turning).max():
+        raise WriteError(
+            f"component '{name}': gyroscopic forces act on a static mode, which adds mass to the others as no state "
+            "space of them has it; leave `residuals` out of `reduce`, or give the node of the wheel its inertia"
+        )
     stiffness = np.diag(arrays["modes/stiffness"])
     A = np.block([[np.zeros((m, m)), np.eye(m)], [-np.diag(stiffness[:m]), -damping[:m, :m]]])
     return StateSpace(

@@ -37,12 +37,15 @@ class Target:
         Variants of the format, the default first; most have none.
     integrals : bool
         True if the writer takes the modal integrals.
+    gyroscopic : bool
+        True if the format has a place for gyroscopic forces.
     """
 
     suffix: str
     write: Callable[..., tuple[Path, ...] | None]
     dialects: tuple[str, ...] = ()
     integrals: bool = True
+    gyroscopic: bool = False
 
 
 TARGETS: dict[str, Target] = {
@@ -56,9 +59,9 @@ TARGETS: dict[str, Target] = {
     "dads": Target(".dads.txt", write_nodal),
     "treetops": Target(".treetops.txt", write_treetops),
     "treetops-h5": Target(".treetops.h5", write_treetops_h5),
-    "matlab": Target(".mat", write_states, integrals=False),
-    "abcd": Target(".abcd.txt", write_abcd, integrals=False),
-    "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False),
+    "matlab": Target(".mat", write_states, integrals=False, gyroscopic=True),
+    "abcd": Target(".abcd.txt", write_abcd, integrals=False, gyroscopic=True),
+    "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False, gyroscopic=True),
     "extptfm": Target("_SE.dat", write_extptfm, EXTPTFM_DIALECTS, integrals=False),
     "radioss": Target("_fxb.pch", write_radioss, integrals=False),
     "simscape": Target("_rom.m", write_simscape, integrals=False),

@@ -6,10 +6,11 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.eigen import ComplexModes, DampedPencil, complex_modes, modes_below
+from cmsreduce.linalg.eigen import ComplexModes, DampedPencil, complex_modes, elastic_pairs, modes_below
 
 # The face of the room has a function of the same name.
 module = import_module("cmsreduce.linalg.eigen.complex_modes")
@@ -232,3 +233,51 @@ def test_roots_that_do_not_settle_are_refused(monkeypatch: pytest.MonkeyPatch) -
     n = 200
     with pytest.raises(MatrixError, match=r"Hz did not settle in 1 rounds: it is known to .* of its decay rate"):
         by_search(chain(np.full(n - 1, 1e4), held=True), np.eye(n), dampers(n, d17=300.0), None, np.empty((n, 0)), 20.0)
+
+
+def gyroscopic(n: int, rigid: int, damping: float, seed: int) -> tuple[np.ndarray, ...]:
+    """Stiffness, mass, damping with a skew part of rank 4, and rigid motions orthonormal in the mass."""
+    rng = np.random.default_rng(seed)
+    A, B, U, C = (rng.standard_normal((n, k)) for k in (n, n - rigid, 4, 2))
+    M, K = A @ A.T / n + np.eye(n), B @ np.diag(10 ** np.linspace(0, 4, n - rigid)) @ B.T / n
+    J = 3.0 * np.kron([[0, 1], [-1, 0]], np.eye(2))
+    N = la.null_space(K, rcond=1e-10)[:, :rigid] if rigid else np.zeros((n, 0))
+    N = N @ la.inv(la.cholesky(N.T @ M @ N)) if rigid else N
+    return K, M, damping * C @ C.T + U @ J @ U.T, N
+
+
+@pytest.mark.parametrize("rigid", [0, 1, 2, 3])
+@pytest.mark.parametrize("damping", [0.0, 0.05])
+def test_gyroscopic_forces_against_the_companion_matrix(rigid: int, damping: float) -> None:
+    """Free motions that couple with each other, or an odd one with elastic motion alone."""
+    K, M, D, N = gyroscopic(13, rigid, damping, seed=rigid)
+    s = companion_roots(K, M, D)
+    top = 1.01 * abs(s[6])
+    found = complex_modes(DampedPencil(K, M, D, None), top, N)
+    assert found.s.size == np.count_nonzero(abs(s) <= top)
+    np.testing.assert_allclose(found.s, s[: found.s.size], rtol=1e-7, atol=1e-9 * abs(s[-1]))
+    for root, x in zip(found.s, found.X.T, strict=True):
+        size = abs(root) ** 2 * abs(M @ x).max()
+        assert abs((root**2 * M + root * D + K) @ x).max() < 1e-6 * size
+
+
+def test_gyroscopic_forces_bring_modes_from_above_the_band(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A basis that grows from the undamped modes of the band finds the roots of all shapes."""
+    K, M, D, N = gyroscopic(60, 2, 0.02, seed=8)
+    lam, Phi = elastic_pairs(K, M, N)
+    w = np.sqrt(lam)
+    top, s = w[5], companion_roots(K, M, D)
+    s = s[abs(s) <= top]
+    # The lowest root is 1/600 of the lowest undamped frequency, far more than damping would do.
+    assert abs(s[0]) < 0.01 * w[0]
+    monkeypatch.setattr(module, "_ALL_GYROSCOPIC", 20)
+    start = w[w < 1.25 * top], Phi[:, w < 1.25 * top]
+    np.testing.assert_allclose(complex_modes(DampedPencil(K, M, D, None), top, N, start).s, s, rtol=1e-6)
+
+
+def companion_roots(K: np.ndarray, M: np.ndarray, D: np.ndarray) -> np.ndarray:
+    """Oscillating roots by ascending size."""
+    n = len(K)
+    s = la.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, D)]]))
+    s = s[s.imag > 2e-5]
+    return s[np.argsort(abs(s))]

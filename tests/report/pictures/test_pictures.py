@@ -1,10 +1,13 @@
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cmsreduce.errors import ConfigError
+from cmsreduce.model import ControllerMargin
 from cmsreduce.pipeline.results import export_figures
 from cmsreduce.report import figure_pictures, write_pictures
 from tests.report.large_run import large_run
@@ -61,14 +64,30 @@ def test_single_pictures(make_run, tmp_path: Path) -> None:
     run = make_run()
     found = figure_pictures(run)
     # This run has no drawing, no gains and no MAC.
-    assert list(found) == ["bode", "error-cost", "errors"]
+    assert list(found) == ["bode", "nyquist", "nichols", "error-cost", "errors"]
     for name, draw in found.items():
         draw(tmp_path / f"{name}.svg")
     text = (tmp_path / "error-cost.svg").read_text()
+    # Without a controller there is no critical point.
+    for name in ("nyquist", "nichols"):
+        assert "<!-- -1 -->" not in (tmp_path / f"{name}.svg").read_text(), name
     # A model is named beside its point.
     assert "<!-- reduced -->" in text and "<!-- first by frequency -->" in text and "<!-- limit 5 % -->" in text
     assert "<!-- phase, deg -->" in (tmp_path / "bode.svg").read_text()
     assert figure_pictures(make_run(configurations=(), speed=None)) == {}
+
+
+def test_the_open_loop_of_a_controller(make_run, tmp_path: Path) -> None:
+    """A loop of phase lead 30 degrees at gain 1: the curves of both models and the critical point are drawn."""
+    hz = np.linspace(0.1, 10.0, 60)
+    loop = 5 / (1j * hz) ** 2 * (1 + 0.6j * hz)
+    margin = ControllerMargin("spin=0", hz, 0.1 * np.ones(60), np.ones(60), 0, (loop, 1.1 * loop))
+    run = replace(make_run(), margins=(margin,))
+    for name, axis in {"nyquist": "real part", "nichols": "phase, deg"}.items():
+        figure_pictures(run)[name](tmp_path / f"{name}.svg")
+        text = (tmp_path / f"{name}.svg").read_text()
+        for word in ("-1", axis, "open loop of the controller, spin=0", "full", "reduced"):
+            assert f"<!-- {word} -->" in text, (name, word)
 
 
 def test_bode_is_the_worst_channel_at_its_worst_configuration(make_run, tmp_path: Path) -> None:
@@ -79,7 +98,7 @@ def test_bode_is_the_worst_channel_at_its_worst_configuration(make_run, tmp_path
 
 def test_a_picture_that_the_run_does_not_have_is_refused(make_run, tmp_path: Path) -> None:
     for name, reason in {"gains": "the run has no data for it", "bodee": "there is no such picture"}.items():
-        with pytest.raises(ConfigError, match=f"--figure {name}: {reason}.*bode, error-cost, errors"):
+        with pytest.raises(ConfigError, match=f"--figure {name}: {reason}.*bode, nyquist, nichols, error-cost, errors"):
             export_figures(make_run(), tmp_path, [name], [".svg"])
     (made,) = export_figures(make_run(), tmp_path, ["errors"], [".pdf"])
     assert made == tmp_path / "pictures" / "errors.pdf" and made.read_bytes().startswith(b"%PDF")

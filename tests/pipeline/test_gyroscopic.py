@@ -1,0 +1,235 @@
+"""Gyroscopic forces of wheels and rotors, against systems assembled densely here and against closed forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+from pyyeti.nastran import op4
+from scipy.io import loadmat
+
+from cmsreduce.errors import CmsReduceError
+from cmsreduce.model import FEModel, cross_matrix, rigid_body_shapes, unresisted
+from cmsreduce.pipeline import execute
+from cmsreduce.pipeline.results import floating_bodies, multibody_scene
+from cmsreduce.pipeline.system import system_roots
+from cmsreduce.simulate import scene_system
+from cmsreduce.write import convert, export_scene
+from tests.frames import Section, line
+from tests.pipeline.study import PIPELINE, arm, panel, write_body
+from tests.pipeline.test_parameters import Dense, open_run
+
+# Kilogram metre squared per second: of the hub's and the panel's wheel, and per metre of the arm.
+HUB, PANEL, SHAFT = np.array([0.8, 0.0, 0.0]), 0.3 * np.array([0.0, 0.6, 0.8]), 0.2
+WHEELS = {
+    "    rigid: {{": "    wheels: {{roll: {{axis: x, momentum: 0.8 N*m*s}}}}\n    rigid: {{",
+    "    geometry: arm.bdf\n": "    geometry: arm.bdf\n    gyroscopic: {{file: turning.op4, matrix: GA}}\n",
+    "    geometry: panel.bdf\n": "    geometry: panel.bdf\n"
+    "    wheels: {{yaw: {{at: 4, axis: [0, 0.6, 0.8], momentum: 300 N*mm*s}}}}\n",
+}
+
+
+def shaft(body: FEModel, length: float, momentum: float) -> np.ndarray:
+    """Gyroscopic matrix of a shaft along x: its slopes v' and w' turn a momentum along it, int h (dv' w' - dw' v')."""
+    n = body.n // 6 - 1
+    h = length / n
+    g = np.array([[36, 3 * h, -36, 3 * h], [3 * h, 4 * h * h, -3 * h, -h * h]])
+    g = momentum * np.vstack([g, -g[0], [3 * h, -h * h, -3 * h, 4 * h * h]]) / (30 * h)
+    G = np.zeros((body.n, body.n))
+    for e in range(n):
+        v, w = (6 * e + np.array(dofs) for dofs in ([1, 5, 7, 11], [2, 4, 8, 10]))
+        # A slope of w is a rotation about minus y.
+        G[np.ix_(v, w)] += g * [1, -1, 1, -1]
+        G[np.ix_(w, v)] -= (g * [1, -1, 1, -1]).T
+    return G
+
+
+def wheel(n: int, row: int, momentum: np.ndarray) -> np.ndarray:
+    """Moment w x h on three rotations from a row on."""
+    G = np.zeros((n, n))
+    G[row : row + 3, row : row + 3] = -cross_matrix(momentum)
+    return G
+
+
+def coriolis(body: FEModel) -> np.ndarray:
+    """2 w x v of the mass of each node, for a frame that turns about x at 1 rad/s."""
+    each = la.block_diag(np.zeros((1, 1)), [[0.0, -2.0], [2.0, 0.0]], np.zeros((3, 3)))
+    return la.block_diag(*[each * body.M[row, row] for row in range(1, body.n, 6)])
+
+
+@pytest.fixture
+def dense() -> Dense:
+    found = Dense(np.zeros((30, 30)), np.zeros((36, 36)), np.zeros((30, 30)))
+    found.gyroscopic = (wheel(6, 3, HUB), shaft(arm(), 0.8, SHAFT), wheel(36, 6 * 3 + 3, PANEL))
+    return found
+
+
+def study(folder: Path, text: str = PIPELINE) -> Path:
+    for body in (arm(), panel()):
+        write_body(folder, body)
+    matrices = {"GA": shaft(arm(), 0.8, SHAFT), "GB": arm().K.toarray(), "GC": coriolis(arm())}
+    op4.write(str(folder / "turning.op4"), matrices)
+    for before, after in WHEELS.items():
+        text = text.replace(before, after, 1)
+    path = folder / "study.yaml"
+    path.write_text(text.format(output=folder / "out"))
+    return path
+
+
+def dense_roots(K: np.ndarray, M: np.ndarray, D: np.ndarray) -> np.ndarray:
+    """Roots that oscillate, by ascending size, from the companion matrix."""
+    n = len(K)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, D)]])
+    s = la.eigvals(A)
+    s = s[s.imag > 1e-2]
+    return s[np.argsort(abs(s))]
+
+
+def test_wheels_and_rotors_against_dense_algebra(tmp_path: Path, dense: Dense) -> None:
+    """Of a rigid hub, of a shaft by its matrix, of a node: nutation, whirl and responses at two angles."""
+    path = study(tmp_path)
+    run = open_run(path, ["reduce.cutoff=30"])
+    values = {"tension": 0.0, "ballast": 0.0, "drag": 0.0, "latch": 0.0}
+    omega = 2 * np.pi * np.array([3.0, 17.0, 41.0])
+    for each in run.scene.configurations:
+        K, M, D, b, c = dense.matrices(each.angles["hinge", 4], values)
+        expected = dense_roots(K, M, D)[:5]
+        for model, rtol in ((run.comparison.reference, 1e-7), (run.model.assembled, 1e-3)):
+            found = model.damped_modes(each)
+            assert found is not None
+            # The companion matrix rounds the nutations, far below its largest root.
+            np.testing.assert_allclose(found.s[:5], expected, rtol=rtol, atol=1e-6)
+        wanted = np.array([c @ np.linalg.solve(K + 1j * w * D - w**2 * M, b.astype(complex)) for w in omega])
+        still = np.array([c @ np.linalg.solve(K + 0.5j * w * (D + D.T) - w**2 * M, b.astype(complex)) for w in omega])
+        assert (abs(still - wanted) > 0.02 * abs(wanted)).any()
+        np.testing.assert_allclose(run.comparison.reference.response(each, omega)[:, -1, 0], wanted, rtol=1e-6)
+        np.testing.assert_allclose(run.model.assembled.response(each, omega)[:, -1, 0], wanted, rtol=2e-3)
+
+
+def test_whirl_of_a_rotor_on_springs(tmp_path: Path) -> None:
+    """Closed form w = +-h / 2J + sqrt((h / 2J)^2 + k / J), h the momentum; forward and backward whirl split."""
+    J, k, h = 0.02, 50.0, 3.0
+    path = tmp_path / "rotor.yaml"
+    path.write_text(ROTOR.format(output=tmp_path / "out", J=J, k=k, h=h))
+    body = line("mast", [0, 0, 0], [0, 0, 0.5], 2, interfaces={"root": 1, "top": 3}, section=Section(E=7e15, G=3e15))
+    write_body(tmp_path, body)
+    run = open_run(path)
+    assert execute(run, path, report=False) is not None
+    spin, split = h / (2 * J), np.sqrt((h / (2 * J)) ** 2 + k / J)
+    still, turning = (run.model.assembled.damped_modes(each) for each in run.scene.configurations)
+    assert still is None and turning is not None
+    # The mast is 1e7 times stiffer than the springs.
+    np.testing.assert_allclose(turning.s, [1j * (split - spin), 1j * (split + spin)], rtol=1e-4)
+    rotor = turning.shapes["rotor"]
+    # Backward whirl turns against the spin, forward whirl with it.
+    np.testing.assert_allclose(rotor[4] / rotor[3], [1j, -1j], atol=1e-4)
+    roots = system_roots(run.model.assembled, run.scene.configurations[1])
+    assert roots is not None and not roots.growing.size
+
+
+def test_files_and_time(tmp_path: Path) -> None:
+    """Component files hold the matrix, free motion in time keeps its energy and nutates; other programs refuse it."""
+    path = study(tmp_path)
+    run = open_run(path, ["scene.articulation=null", "reduce.cutoff=6", "verify=null"])
+    execute(run, path, report=False)
+    for name in ("arm", "panel"):
+        with h5py.File(run.folder / f"{name}.h5") as file:
+            G = file["modes/gyroscopic"][()]
+        (term,) = run.final[name].terms
+        np.testing.assert_allclose(G, term.dense, atol=1e-12 * abs(G).max())
+    scene = multibody_scene(run.folder)
+    system = scene_system(scene, floating_bodies(scene))
+    y = system.projected(system.start({}, None, {}))
+    spinning = y.copy()
+    spinning[system.first_speed :][: system.n] = np.random.default_rng(2).standard_normal(system.n)
+    spinning = system.projected(spinning)
+    u = system.u(spinning)
+    pairs = zip(system.bodies, system.speeds, strict=True)
+    assert min(float(np.linalg.norm(body.gyroscopic @ u[own])) for body, own in pairs) > 0.01
+    # Energy changes by the work of the damping alone, in fast motion too.
+    rate, h = system.rate(0.0, spinning), 1e-7
+    after, before = (sum(system.energies(spinning + step * rate)) for step in (h, -h))
+    power = np.linalg.norm(u) * max(float(np.linalg.norm(body.gyroscopic)) for body in system.bodies)
+    assert abs((after - before) / (2 * h) - rate[-1]) < 1e-5 * (power + abs(rate[-1]))
+    # Small motions in time are those of the assembled system: the same roots, nutation included.
+    J = np.zeros((y.size, y.size))
+    for k in range(y.size):
+        step = np.zeros(y.size)
+        step[k] = 1e-6
+        J[:, k] = (system.rate(0.0, y + step) - system.rate(0.0, y - step)) / 2e-6
+    s = la.eigvals(J)
+    found = run.model.assembled.damped_modes(run.scene.configurations[0])
+    assert found is not None
+    for root in found.s[:4]:
+        assert abs(s - root).min() < 1e-5 * abs(root) + 1e-5
+    with pytest.raises(CmsReduceError, match=r"a scene for exudyn has no place for the (gyroscopic|momentum)"):
+        export_scene(scene, "exudyn", tmp_path / "scene")
+    with pytest.raises(CmsReduceError, match="the format sid has no place for the gyroscopic matrix"):
+        convert(run.folder / "arm.h5", tmp_path / "arm.SID_FEM")
+    (states,) = convert(run.folder / "arm.h5", tmp_path / "arm.mat")
+    A = loadmat(states)["A"]
+    m = len(A) // 2
+    with h5py.File(run.folder / "arm.h5") as file:
+        damped = file["modes/damping"][()] + file["modes/gyroscopic"][()]
+    np.testing.assert_allclose(-A[m:, m:], damped, atol=1e-9 * abs(damped).max())
+
+
+REFUSED = {
+    "a damping": ("turning.op4, matrix: GA", "turning.op4, matrix: GB", "is not skew"),
+    "Coriolis": ("turning.op4, matrix: GA", "turning.op4, matrix: GC", "Coriolis matrix of a rotating frame"),
+    "a wheel nowhere": ("at: 4", "at: 40", "wheel 'yaw': the body has no node 40"),
+    "no momentum": ("0.8 N*m*s", "0.8 N*m", "is no angular momentum"),
+    "no place": ("{{at: 4, axis", "{{axis", "a wheel in a flexible body needs its node or interface"),
+}
+
+
+@pytest.mark.parametrize(("before", "after", "message"), REFUSED.values(), ids=REFUSED)
+def test_what_does_not_turn_is_refused(tmp_path: Path, before: str, after: str, message: str) -> None:
+    path = study(tmp_path)
+    text = path.read_text()
+    before, after = (each.replace("{{", "{") for each in (before, after))
+    assert before in text
+    path.write_text(text.replace(before, after))
+    with pytest.raises(CmsReduceError, match=message):
+        _ = open_run(path).bodies["arm"], open_run(path).bodies["panel"]
+
+
+def test_shapes_that_a_matrix_leaves_alone_in_any_rigid_basis() -> None:
+    """A wheel leaves translations and the turn about its axis alone, whichever combinations the rigid modes are."""
+    body = panel()
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    mixed = R @ np.linalg.qr(np.random.default_rng(1).standard_normal((6, 6)))[0]
+    G = sp.csc_array(wheel(body.n, 6 * 3 + 3, PANEL))
+    still = unresisted([G], mixed)
+    assert still.shape == (6, 4)
+    np.testing.assert_allclose(still.T @ still, np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(G @ mixed @ still, 0.0, atol=1e-12)
+
+
+ROTOR = """\
+name: rotor
+output: {output}
+components:
+  mast:
+    stiffness: {{file: mast.op4, matrix: KAA}}
+    mass: {{file: mast.op4, matrix: MAA}}
+    geometry: mast.bdf
+    interfaces: {{root: {{node: 1}}, top: {{node: 3}}}}
+  rotor:
+    rigid: {{mass: 1.0, cg: [0, 0, 0.5], inertia: [{J}, {J}, 0.03, 0, 0, 0]}}
+    interfaces: {{hub: {{position: [0, 0, 0.5]}}}}
+    wheels: {{disc: {{axis: z}}}}
+scene:
+  band: 40 Hz
+  ground: [mast.root]
+  joints:
+    gimbal: {{connect: [mast.top, rotor.hub], free: [rx, ry], stiffness: {{rx: {k} N*m/rad, ry: {k} N*m/rad}}}}
+  parameters:
+    spin: {{values: [0, {h} N*m*s], wheels: rotor.disc}}
+reduce: {{method: craig-bampton, cutoff: 2}}
+verify: {{limits: {{frf_error: 1 %}}}}
+"""
