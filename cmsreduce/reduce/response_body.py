@@ -76,6 +76,10 @@ class ResponseBody:
         self._append(self._beyond(X))
         return self.count - before
 
+    def add_inertia(self) -> int:
+        """Add the static responses to the inertia of the shapes, which are known, and return their number."""
+        return self.add(self._inertia)
+
     def responses(self, omega: float) -> Array | Complex:
         """Elastic responses of the body to unit ``acting`` forces at a frequency in rad/s (n, q).
 

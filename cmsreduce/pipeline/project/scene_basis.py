@@ -27,8 +27,6 @@ Complex = NDArray[np.complex128]
 
 # Share of the limit of frf_error that the estimate is brought below: what later stages leave out has the rest.
 _SHARE = 0.1
-# The first point, as a share of the top of the band: the middle of the squares of the frequencies.
-_FIRST = 0.7
 # Points at most: as many factors of each body.
 _MOST = 40
 # Frequencies over the band on which the error is estimated, before refinement; one in so many points at resonances.
@@ -145,10 +143,11 @@ class SceneBasis:
             self.bodies[name] = ResponseBody(each.body, each.rigid, alone[name], acting, loads)
 
     def start(self) -> None:
-        """Add the first point, in the middle of the band."""
+        """Add the static responses to the inertia of the static shapes: zero is the first point, and has its factor."""
         if not self.points:
-            self.points.append(2 * np.pi * self.scene.band[1] * _FIRST)
-            self._add(self.points[0], self._model())
+            self.points.append(0.0)
+            for body in self.bodies.values():
+                body.add_inertia()
 
     def estimate(self) -> float:
         """Estimated frf_error of the shapes, in the worst configuration."""
