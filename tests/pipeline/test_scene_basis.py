@@ -17,7 +17,7 @@ from cmsreduce.pipeline import Run
 from cmsreduce.project import ESTIMATE_FACTOR
 from cmsreduce.reduce import ResponseBody, reduction
 from tests.pipeline.random_solids import certified
-from tests.pipeline.study import CANTILEVER, Log
+from tests.pipeline.study import CANTILEVER, Log, arm, panel
 from tests.solids import block
 
 SCENE = "reduce={method: scene}"
@@ -87,6 +87,55 @@ def test_a_scene_of_two_bodies_and_several_angles_has_the_error_that_is_estimate
     for name, V in found.shapes.items():
         body, rigid = run.bodies[name].body, run.bodies[name].rigid
         assert abs(rigid.T @ (body.M @ V)).max() < 1e-9 * abs(body.M @ V).max()
+
+
+WELDED = """\
+name: welded
+output: {output}
+components:
+  arm:
+    stiffness: {{file: arm.op4, matrix: KAA}}
+    mass: {{file: arm.op4, matrix: MAA}}
+    geometry: arm.bdf
+    interfaces: {{root: {{node: 1}}, tip: {{node: 5}}}}
+    damping: {{structural: 0.02}}
+  panel:
+    stiffness: {{file: panel.op4, matrix: KAA}}
+    mass: {{file: panel.op4, matrix: MAA}}
+    geometry: panel.bdf
+    interfaces: {{root: {{node: 1}}}}
+    damping: {{structural: 0.05}}
+scene:
+  band: 150 Hz
+  ground: arm.root
+  joints: {{weld: {{connect: [arm.tip, panel.root]}}}}
+  actuators: {{push: {{at: panel.6, force: [0, 0, 1]}}}}
+  sensors: {{tip: {{at: panel.4, measure: z}}, middle: {{at: arm.3, measure: [y, z]}}}}
+reduce: {{method: scene}}
+"""
+
+
+def test_welded_bodies_respond_like_their_matrices_in_one(opened: Callable[..., Run]) -> None:
+    run = opened(text=WELDED)
+    parts = [arm(), panel()]
+    K, M = (la.block_diag(*(getattr(each, letter).toarray() for each in parts)) for letter in ("K", "M"))
+    loss = la.block_diag(*(g * each.K.toarray() for g, each in zip((0.02, 0.05), parts, strict=True)))
+    a, b = (each.dofs for each in parts)
+    six = np.arange(1, 7)
+    # The tip of the arm is the root of the panel; the root of the arm stands still.
+    T = np.eye(K.shape[0])
+    T[a.rows(5, six), len(a) + b.rows(1, six)] = 1.0
+    T = np.delete(T, np.concatenate([a.rows(5, six), a.rows(1, six)]), axis=1)
+    seen = [len(a) + b.rows(4, [3])[0], *a.rows(3, [2, 3])]
+    (configuration,) = run.scene.configurations
+    omega = 2 * np.pi * np.linspace(2, 150, 40)
+    found = run.untruncated.assembled.response(configuration, omega)
+    whole = []
+    for w in omega:
+        x = T @ np.linalg.solve(T.T @ (K + 1j * loss - w**2 * M) @ T, T[len(a) + b.rows(6, [3])[0]])
+        whole.append([x[seen[0]], x[seen[1]], x[seen[2]]])
+    exact = np.array(whole)[:, :, None]
+    assert np.linalg.norm(found - exact) <= 1e-3 * np.linalg.norm(exact)
 
 
 def test_it_ends_in_fewer_scene_shapes_that_are_orthonormal(opened: Callable[..., Run]) -> None:

@@ -50,8 +50,8 @@ class SceneShapes:
         Orthonormal in the stiffness.
     hz : tuple of float
         Frequencies of the points, in order.
-    estimate : float
-        Estimated frf_error of the worst configuration.
+    estimate, aim : float
+        Estimated frf_error of the worst configuration, and what it was to come below.
     where : str
         Its name.
     checked : tuple of (float, float, float)
@@ -62,17 +62,24 @@ class SceneShapes:
     shapes: Mapping[str, Real]
     hz: tuple[float, ...]
     estimate: float
+    aim: float
     where: str
     checked: tuple[tuple[float, float, float], ...]
+
+    @property
+    def _aim(self) -> str:
+        met = self.estimate <= self.aim
+        return f"{'below' if met else 'not below'} the {self.aim:.2g} aimed at"
 
     def note(self, name: str) -> str:
         """The basis of one body in words."""
         off = max((error / estimate for _, error, estimate in self.checked if estimate), default=0.0)
         return (
             f"{name}: {self.shapes[name].shape[1]} static shapes and responses of the scene at {len(self.hz)} "
-            f"frequencies; frf_error is estimated at {self.estimate:.2g} in '{self.where}', and at {len(self.checked)} "
-            f"frequencies with the largest estimates, solves of the body found at most {off:.3g} times the estimated "
-            "error. These shapes serve this scene; for other loads, sensors or bands use craig-bampton"
+            f"frequencies; frf_error is estimated at {self.estimate:.2g} in '{self.where}', {self._aim}, and at "
+            f"{len(self.checked)} frequencies with the largest estimates, solves of the bodies found at most {off:.3g} "
+            "times the estimated error. These shapes serve this scene; for other loads, sensors or bands use "
+            "craig-bampton"
         )
 
 
@@ -170,6 +177,7 @@ class SceneBasis:
             {name: body.shapes for name, body in self.bodies.items()},
             tuple(w / (2 * np.pi) for w in self.points),
             worst.error,
+            allowed,
             worst.configuration.name,
             tuple(checked),
         )
@@ -205,7 +213,7 @@ class SceneBasis:
         apart = (abs(at[:, None] - chosen) > _APART * chosen).all(axis=1)
         return float(at[np.argmax(np.where(apart, worst.square, -1.0))])
 
-    def _add(self, omega: float, model: AssembledModel, worst: _Estimate | None = None) -> tuple[float, float]:
+    def _add(self, omega: float, model: AssembledModel, worst: _Estimate) -> tuple[float, float]:
         """Add the responses of the scene at a frequency to the shapes of the bodies.
 
         Returns
@@ -233,7 +241,7 @@ class SceneBasis:
                 moving = stack.body_columns(name).start + stack.moving(name)
                 rest += rows.left[:, moving] @ each @ rows.right[:, moving].T
             G = _joined(rest, sides, exact)
-            if worst is not None and configuration is worst.configuration:
+            if configuration is worst.configuration:
                 H, richer, less = (
                     rows.response(_joined(rest, sides, each)[None], w)[0] * worst.row[:, None] * worst.column
                     for each in (exact, self._reduced(omega, richer=True), self._reduced(omega, richer=False))
