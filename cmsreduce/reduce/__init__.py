@@ -11,6 +11,8 @@ from cmsreduce.reduce.characteristic import InterfaceReduction
 from cmsreduce.reduce.craig_bampton import CraigBampton, Guyan
 from cmsreduce.reduce.macneal_rubin import MacNealRubin
 from cmsreduce.reduce.reduction import Examined, Reduction, kept_rigid, project
+from cmsreduce.reduce.response_body import ResponseBody
+from cmsreduce.reduce.scene_krylov import SceneKrylov
 
 __all__ = [
     "AugmentedBody",
@@ -23,13 +25,15 @@ __all__ = [
     "METHODS",
     "MacNealRubin",
     "Reduction",
+    "ResponseBody",
+    "SceneKrylov",
     "kept_rigid",
     "project",
     "reduction",
 ]
 
 METHODS: dict[str, type[Reduction]] = {
-    kind.method: kind for kind in (CraigBampton, MacNealRubin, BenfieldHruda, AugmentedBody, Guyan)
+    kind.method: kind for kind in (CraigBampton, MacNealRubin, BenfieldHruda, AugmentedBody, Guyan, SceneKrylov)
 }
 """Mode sets by name."""
 

@@ -152,7 +152,7 @@ def elastic_solve(body: FEModel, rigid: Array, interface: Rows | None = None) ->
     """Flexibility of a body as it is: elastic where it is free to move, K^-1 where it is held."""
     if rigid.shape[1]:
         return ElasticFlexibility(body.K, body.M, rigid, interface)
-    return factorise(body.K, what=f"body '{body.name}': the stiffness")
+    return factorise(body.K, what=f"body '{body.name}': the stiffness", kept=True)
 
 
 def unit_loads(n: int, rows: Rows, others: Array | None = None) -> sp.csc_array:

@@ -10,7 +10,7 @@ from cmsreduce.assemble import body_ports
 from cmsreduce.errors import SceneError
 from cmsreduce.model import DofTable, FEModel, Scene
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.reduce import METHODS, reduction
+from cmsreduce.reduce import METHODS, SceneKrylov, reduction
 from tests.assemble.rigs import at, strut
 from tests.frames import line, rotation
 
@@ -113,7 +113,8 @@ def test_residuals_where_nothing_is_are_refused(text, message):
         body_ports(body, scene([THRUST]), [text])
 
 
-@pytest.mark.parametrize("method", METHODS)
+# Shapes of a scene need more than one body.
+@pytest.mark.parametrize("method", sorted(set(METHODS) - {SceneKrylov.method}))
 def test_every_set_answers_its_residuals_statically(method):
     """Flexibility under a strut and a couple of opposite thrusters, that the interface knows nothing of."""
     body = bar()

@@ -12,7 +12,7 @@ from cmsreduce.model import DOF_NAMES
 
 __all__ = ["NO_PARTS", "ModeSetKeys", "ReduceKeys"]
 
-Method = Literal["craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan"]
+Method = Literal["craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan", "scene"]
 NO_PARTS = {
     "parts": "Bodies are not reduced in parts any more. Take the key out: a factor that does not fit in memory is "
     "made in single precision, or on disk; `solver.memory` says how much it may take"
@@ -20,6 +20,7 @@ NO_PARTS = {
 """The key `parts` of earlier versions, with what to write instead."""
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
+_NO_NORMAL_MODES = ("guyan", "scene")
 
 
 def _check_residual(value: object) -> str:
@@ -59,7 +60,8 @@ class ModeSetKeys(Keys):
         default="craig-bampton",
         description="Mode set. craig-bampton: fixed-interface and constraint modes; macneal-rubin: free and residual "
         "modes; benfield-hruda: modes with the neighbours' stiffness and mass on the interface; augmented: modes with "
-        "the mass of all that is outboard; guyan: constraint modes only.",
+        "the mass of all that is outboard; guyan: constraint modes only; scene: static shapes, and "
+        "responses of the joined bodies at frequencies chosen for the smallest error, for large bodies.",
         examples=["craig-bampton"],
     )
     cutoff_bands: Cutoff = Field(
@@ -84,8 +86,10 @@ class ModeSetKeys(Keys):
                 f"{self.method} has no constraint modes, so interface_cutoff does not apply to it: take it out, or "
                 f"use {' or '.join(_CONSTRAINT_MODES)}"
             )
-        if self.cutoff_bands == "auto" and self.method == "guyan":
-            raise ValueError("guyan keeps no normal modes, so no cutoff can be found for it: take `cutoff: auto` out")
+        if self.cutoff_bands == "auto" and self.method in _NO_NORMAL_MODES:
+            raise ValueError(
+                f"{self.method} keeps no normal modes, so no cutoff can be found for it: take `cutoff: auto` out"
+            )
         return self
 
 

@@ -79,8 +79,12 @@ class DynamicStiffness:
         ResonanceError
             If the matrix is singular.
         """
+        return np.asarray(load.T @ self.solve(load, omega))
+
+    def solve(self, load: NDArray[np.float64], omega: float) -> NDArray[np.complex128]:
+        """Motions Z^-1 load (n, p) by a solve at one frequency; arguments and errors as of `flexibility`."""
         try:
-            X = spla.splu(self.at(omega), **_SYMMETRIC).solve(np.asfortranarray(load, dtype=np.complex128))
+            found = spla.splu(self.at(omega), **_SYMMETRIC).solve(np.asfortranarray(load, dtype=np.complex128))
         except RuntimeError:
             raise ResonanceError(omega) from None
-        return np.asarray(load.T @ X)
+        return np.asarray(found)

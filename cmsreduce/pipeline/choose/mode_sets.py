@@ -19,7 +19,7 @@ from cmsreduce.model import Channel, CutoffChoice, JointTerm, Point, PointTerm, 
 from cmsreduce.pipeline.bodies import FlexibleBody, body_reduction, probing_loads
 from cmsreduce.pipeline.choose.cutoff import START
 from cmsreduce.pipeline.store import once, stage_key
-from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, Examined, kept_rigid
+from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, Examined, Reduction, SceneKrylov, kept_rigid
 
 __all__ = ["ModeSets", "off_every_path"]
 
@@ -42,6 +42,8 @@ class ModeSets:
         Band and joints.
     cutoffs : callable
         Gives the cutoffs found for the bodies whose cutoff is ``auto``.
+    responses : callable
+        Gives the shapes (n, k) of a body that is reduced to responses of the scene.
     """
 
     def __init__(
@@ -51,9 +53,10 @@ class ModeSets:
         pipeline: Pipeline,
         scene: Scene,
         cutoffs: Callable[[], Mapping[str, CutoffChoice]],
+        responses: Callable[[str], NDArray[np.float64]],
     ) -> None:
         self.bodies, self.rigid_bodies = bodies, rigid_bodies
-        self.pipeline, self.scene, self._cutoffs = pipeline, scene, cutoffs
+        self.pipeline, self.scene, self._cutoffs, self._responses = pipeline, scene, cutoffs, responses
 
     @property
     @once
@@ -76,9 +79,30 @@ class ModeSets:
 
     @property
     def searched(self) -> list[str]:
-        """Bodies whose cutoff must be found; Guyan has no normal modes."""
+        """Bodies whose cutoff must be found; Guyan has no normal modes.
+
+        Raises
+        ------
+        ConfigError
+            If other bodies are reduced to responses of the scene, which depend on these.
+        """
         stated = {name: self.stated(name) for name in self.names if name not in self.unneeded}
-        return [name for name, keys in stated.items() if keys.cutoff_bands == "auto" and keys.method != "guyan"]
+        found = [name for name, keys in stated.items() if keys.cutoff_bands == "auto" and keys.method != "guyan"]
+        if found and self.of_responses:
+            raise ConfigError(
+                f"component '{found[0]}': `cutoff: auto` needs the other bodies reduced, and method scene of "
+                f"'{self.of_responses[0]}' needs this one: state a multiple of the band as its cutoff"
+            )
+        return found
+
+    @property
+    def of_responses(self) -> list[str]:
+        """Bodies that are reduced to responses of the scene."""
+        return [name for name in self.names if name not in self.unneeded and self._by_responses(self.stated(name))]
+
+    @staticmethod
+    def _by_responses(keys: ReduceKeys) -> bool:
+        return issubclass(METHODS[keys.method], SceneKrylov)
 
     def stated(self, name: str, other: ModeSetKeys | None = None) -> ReduceKeys:
         """Keys of a body as the pipeline states them.
@@ -149,6 +173,7 @@ class ModeSets:
         """The neighbours of a body take part in its reduction."""
         keys = self.stated(name, other)
         shared = keys.interface_cutoff_bands is not None or issubclass(METHODS[keys.method], BenfieldHruda)
+        shared = shared or self._by_responses(keys)
         return shared and name not in self.unneeded
 
     def reduce_key(self, name: str, other: ModeSetKeys | None = None) -> str:
@@ -188,9 +213,13 @@ class ModeSets:
         flexible, keys = self.bodies[name], self.stated(name, other)
         if name in self.unneeded:
             return Examined(kept_rigid(flexible.body, flexible.rigid))
-        method = body_reduction(
-            name, keys, cutoff_hz, self.bodies, self.rigid_bodies, self._interface_cutoffs_hz(other), self.scene
-        )
+        method: Reduction
+        if self._by_responses(keys):
+            method = SceneKrylov(cutoff_hz, self._responses(name))
+        else:
+            method = body_reduction(
+                name, keys, cutoff_hz, self.bodies, self.rigid_bodies, self._interface_cutoffs_hz(other), self.scene
+            )
         ports, tested = flexible.ports, np.hstack([loads for _, (_, loads) in self._tested_on_copies(name, other)])
         return method.examine(flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich)
 
@@ -271,14 +300,20 @@ class ModeSets:
 
     def _loading_key(self, other: ModeSetKeys | None) -> list[Any]:
         """Everything that loads a body or shares its interfaces."""
-        of_scene = {"joints", "base", "floating", "ground", "units"}
+        of_scene: set[str] | None = {"joints", "base", "floating", "ground", "units"}
+        asked: list[Any] = []
+        if self.of_responses:
+            # The whole scene makes these shapes, to a share of the limit.
+            verify, of_scene = self.pipeline.verify, None
+            reductions = {name: self.stated(name).model_dump(mode="json") for name in self.names}
+            asked = [reductions, None if verify is None else verify.limits.frf_error]
         placed = {
             part: described.model_dump(mode="json", include={"place", "rigid"})
             for part, described in self.pipeline.components.items()
         }
         prints = {part: flexible.fingerprint for part, flexible in self.bodies.items()}
         scene = self.pipeline.scene.model_dump(mode="json", include=of_scene)
-        return [scene, placed, prints, self._interface_cutoffs_hz(other)]
+        return [scene, placed, prints, self._interface_cutoffs_hz(other), *asked]
 
 
 def off_every_path(scene: Scene) -> dict[str, str]:

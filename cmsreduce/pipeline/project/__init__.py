@@ -6,6 +6,7 @@ Its mathematics belongs in `cmsreduce.project`.
 
 from cmsreduce.pipeline.project.projected_bodies import Projected
 from cmsreduce.pipeline.project.response_shapes import ResponseShapes
+from cmsreduce.pipeline.project.scene_basis import SceneBasis, SceneShapes
 from cmsreduce.pipeline.project.stage import ProjectStage
 
-__all__ = ["ProjectStage", "Projected", "ResponseShapes"]
+__all__ = ["ProjectStage", "Projected", "ResponseShapes", "SceneBasis", "SceneShapes"]

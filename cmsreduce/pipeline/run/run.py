@@ -28,6 +28,7 @@ from cmsreduce.model import (
     RigidBody,
     Scene,
     SensitivityRecord,
+    Substructure,
     Values,
 )
 from cmsreduce.orthogonalise import at_parameters, orthogonalise
@@ -45,7 +46,7 @@ from cmsreduce.pipeline.bodies import (
     spin_notes,
 )
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
-from cmsreduce.pipeline.project import Projected, ProjectStage, ResponseShapes
+from cmsreduce.pipeline.project import Projected, ProjectStage, ResponseShapes, SceneBasis, SceneShapes
 from cmsreduce.pipeline.run.keys import (
     body_key,
     projected_error,
@@ -68,7 +69,7 @@ from cmsreduce.pipeline.store import (
 )
 from cmsreduce.pipeline.system import MODEL, AssembledModel, Comparison, ModelMeasure, ReducedModel
 from cmsreduce.read import read_controller
-from cmsreduce.reduce import Examined
+from cmsreduce.reduce import Examined, SceneKrylov
 
 __all__ = ["MODEL", "STAGES", "Run"]
 
@@ -83,10 +84,11 @@ _BODIES = 16
 
 @dataclass(frozen=True, eq=False)
 class _Reduced:
-    """A reduced body, and shares of the static flexibility that it misses under loads on it and on its copies."""
+    """A reduced body; shares of the static flexibility that it misses under loads on it and on its copies; a remark."""
 
     component: ReducedComponent
     missed: Mapping[str, Mapping[str, float]]
+    remark: str = ""
 
 
 class Run:
@@ -119,6 +121,10 @@ class Run:
             raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
         for label, other in compared.items():
             keys = other.reduce
+            if keys is not None and keys.method == SceneKrylov.method:
+                raise ConfigError(
+                    f"verify.compare.{label}: method scene is for the run's own model; compare it with another method"
+                )
             if keys is not None and "cutoff_bands" in keys.model_fields_set and keys.cutoff_bands == "auto":
                 raise ConfigError(
                     f"verify.compare.{label}: `cutoff: auto` is for the run's own model; state a multiple of the band"
@@ -224,7 +230,26 @@ class Run:
     @once
     def mode_sets(self) -> ModeSets:
         """Mode set of each body."""
-        return ModeSets(self.bodies, self.rigid_bodies, self.pipeline, self.scene, lambda: self.cutoffs)
+        return ModeSets(
+            self.bodies,
+            self.rigid_bodies,
+            self.pipeline,
+            self.scene,
+            lambda: self.cutoffs,
+            lambda name: self._scene_shapes.shapes[name],
+        )
+
+    @property
+    @once
+    def _scene_shapes(self) -> SceneShapes:
+        """Bodies in responses of the scene; the others enter it as they are reduced, or as they were read."""
+        own, subs = self.mode_sets.of_responses, dict[str, Substructure]()
+        for name in (name for name in self.bodies if name not in own):
+            modes = self.modal(name) if name in self.reduced_names else self.references[name].modes
+            subs[name] = self.bodies[name].substructure(self.scene, modes)
+        subs |= {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        bodies = {name: self.bodies[name] for name in own}
+        return SceneBasis(bodies, subs, self.scene, asked_error(self.pipeline)).run()
 
     @property
     @once
@@ -274,7 +299,8 @@ class Run:
         found = self._cutoff_search.found(name, cutoff_hz) if other is None else None
         if found is None:
             found = sets.examine(name, cutoff_hz, other)
-        return _Reduced(found.component, sets.missed(name, found, other))
+        remark = self._scene_shapes.note(name) if other is None and name in sets.of_responses else ""
+        return _Reduced(found.component, sets.missed(name, found, other), remark)
 
     def reduced(self, name: str, other: ModeSetKeys | None = None) -> ReducedComponent:
         """Reduce one body to its mode set, or to another one.
@@ -290,10 +316,13 @@ class Run:
     def _mode_set_notes(self, found: ModalComponent, name: str, other: ModeSetKeys | None = None) -> Iterator[str]:
         sets = self.mode_sets
         key = sets.reduce_key(name, other)
-        missed = self.stages.recall("reduce", self._reduction_label(name, other), key, "missed") or {}
+        stored = "reduce", self._reduction_label(name, other), key
+        missed = self.stages.recall(*stored, "missed") or {}
         notes = sets.notes(name, missed.get(name, {}), other)
         of = "" if other is None or sets.label(name, other) == name else f"{self._compared_by(other)}: "
         yield from (of + note for note in notes)
+        if other is None and (remark := self.stages.recall(*stored, "remark")):
+            yield remark
         if other is None and (remark := damping_remark(found, self.scene.band[1])) is not None:
             yield remark
 

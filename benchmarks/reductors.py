@@ -1,0 +1,236 @@
+"""Scene shapes against other reductors: error against order and seconds, on three systems of one body.
+
+    python benchmarks/reductors.py [--write]               table, and with --write picture and benchmarks/reductors.md
+
+pyMOR and python-control run in an environment of their own (`python -m venv ENV; ENV/bin/pip install pymor==2026.1.0
+control slycot`), which `PYMOR_PYTHON=ENV/bin/python` names; they are left out without it. ISS-1R is iss.mat of the
+SLICOT collection in ../shared/data/slicot. The solid is the one of `large_scene.py` in its basis of scene
+responses, for every method: no peer factorises it at complex points in minutes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import loadmat
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.large_scene import CELLS, write_solid  # noqa: E402
+from cmsreduce.config import load_pipeline  # noqa: E402
+from cmsreduce.linalg.blocks import dense  # noqa: E402
+from cmsreduce.pipeline import Run, Silent  # noqa: E402
+from cmsreduce.project import (  # noqa: E402
+    BodyModes,
+    Judged,
+    ResponseLimits,
+    ResponseSample,
+    SceneResponses,
+    Shapes,
+    ShapeSearch,
+    fit_shapes,
+)
+from cmsreduce.report.pictures.figure import drawn, legend_above, plain_axes  # noqa: E402
+from cmsreduce.verify import frequency_grid, frf_error  # noqa: E402
+
+Real = NDArray[np.float64]
+PAGE, PICTURE = ROOT / "benchmarks" / "reductors.md", ROOT / "docs" / "smallest-model-peers.png"
+ISS = ROOT.parent / "shared" / "data" / "slicot" / "iss.mat"
+PEER = ROOT / "benchmarks" / "peers" / "reductors.py"
+ORDERS = {"ISS-1R": (8, 16, 24), "Galileo's rotor": (6, 9, 12), "solid, 20 inputs": (8, 11, 14)}
+OURS, AFTER_IRKA = "scene shapes", "scene shapes from SOR-IRKA"
+# Errors of decibels are not looked at: peers do not limit them.
+LIMIT = ResponseLimits(0.001, np.inf)
+STEPS = 300
+
+
+@dataclass(frozen=True, eq=False)
+class Modal:
+    """q'' + D q' + W^2 q = B u, y = C q or C q'.
+
+    Parameters
+    ----------
+    W, D : (n,) float64
+    B, C : (n, inputs), (outputs, n) float64
+    rate : bool
+    omega, coarse : (f,), (g,) float64
+        Grids of the errors and of the optimisation.
+    """
+
+    W: Real
+    D: Real
+    B: Real
+    C: Real
+    rate: bool
+    omega: Real
+    coarse: Real
+
+    @classmethod
+    def of(cls, W: Real, D: Real, B: Real, C: Real, rate: bool, band: tuple[float, float]) -> Modal:
+        """With grids that have every resonance of the band (in Hz)."""
+        inside = 2 * np.pi * band[1] >= W
+        fine = frequency_grid(band, 200, W[inside], (D / (2 * W))[inside], 3)
+        beside = (W[inside, None] + D[inside, None] * [-0.5, 0.0, 0.5]).ravel()
+        coarse = np.unique(np.concatenate([np.geomspace(fine[0], fine[-1], 50), beside]))
+        return cls(W, D, B, C, rate, fine, coarse[(coarse >= fine[0]) & (coarse <= fine[-1])])
+
+    @property
+    def H(self) -> NDArray[np.complex128]:
+        """Response on the grid of the errors (f, outputs, inputs)."""
+        return self.response(self.omega)
+
+    def response(self, omega: Real) -> NDArray[np.complex128]:
+        """Response at frequencies (f, outputs, inputs)."""
+        w = omega[:, None]
+        weights = (1j * w if self.rate else 1.0) / (self.W**2 - w**2 + 1j * w * self.D)
+        return np.einsum("yk,fk,ku->fyu", self.C, weights, self.B)
+
+    @property
+    def scene(self) -> SceneResponses:
+        """The system for the optimisation."""
+        return self.sampled(self.coarse)
+
+    def sampled(self, omega: Real) -> SceneResponses:
+        """The system at some frequencies."""
+        f, y, H = omega.size, self.C.shape[0], self.response(omega)
+        measure = np.eye(y) * (1j * omega[:, None, None] if self.rate else np.ones((f, 1, 1)))
+        rest = np.zeros(H.shape, dtype=np.complex128)
+        scales = np.ones(y), np.ones(self.B.shape[1])
+        heard = np.ones(H.shape[1:], dtype=bool)
+        sample = ResponseSample(
+            omega, {"body": self.C}, {"body": self.B.T}, rest, 0, measure + 0j, H, H, *scales, heard
+        )
+        return SceneResponses({"body": BodyModes(self.W, self.D)}, [sample])
+
+    def error(self, V: Real) -> float:
+        """Relative error of the response in some shapes (n, r)."""
+        (found,) = self.sampled(self.omega).joined({"body": V})
+        return frf_error(self.omega, self.H, found.H, np.ones(self.C.shape[0]), np.ones(self.B.shape[1]))
+
+
+def iss() -> Modal:
+    """Component 1R of the International Space Station: 270 states, three inputs, three rates."""
+    A, B, C = (dense(loadmat(ISS)[name]) for name in "ABC")
+    n = A.shape[0] // 2
+    W, D = np.sqrt(-A[n:, :n].diagonal()), -A[n:, n:].diagonal()
+    return Modal.of(W, D, B[n:].astype(float), C[:, n:].astype(float), True, (0.05, 10.0))
+
+
+def rotor(folder: Path) -> Modal:
+    """Elastic modes of Galileo's rotor, driven and measured at its hinge and at its gyro, in the band of the scene."""
+    run = Run(load_pipeline(ROOT / "pipelines" / "galileo.yaml"), folder, Silent())
+    modes = run.reference("rotor").modes
+    assert modes is not None
+    motion = list(run.bodies["rotor"].substructure(run.scene, modes).motion.values())
+    rows = np.vstack([dense(each) for each in motion])[:, modes.elastic]
+    rows = rows[abs(rows).max(axis=1) > 0]
+    W = modes.omega[modes.elastic]
+    return Modal.of(W, modes.viscous[modes.elastic], rows[:6].T, rows[-6:], False, run.scene.band)
+
+
+def solid(folder: Path, cells: tuple[int, int, int] = CELLS) -> Modal:
+    """The solid of `large_scene.py` in static shapes and responses of its scene."""
+    settings = ["reduce={method: scene}", "balance={keep: all}"]
+    run = Run(load_pipeline(write_solid(folder, cells), settings), folder, Silent())
+    (configuration,) = run.scene.configurations
+    system = run.untruncated.assembled.system(configuration)
+    W, D = np.sqrt(dense(system.K).diagonal()), dense(system.D).diagonal()
+    return Modal.of(W, D, system.B, system.C1, False, run.scene.band)
+
+
+def ours(system: Modal, orders: tuple[int, ...]) -> Iterator[tuple[str, int, float, float]]:
+    """Method, order, error and seconds of modes, plain Krylov and scene shapes."""
+    n, zeta = system.W.size, system.D / (2 * system.W)
+    peak = np.linalg.norm(system.C, axis=0) * np.linalg.norm(system.B, axis=1) / (system.W**2 * np.sqrt(zeta))
+    ports = np.hstack([system.B, system.C.T])
+    # The loads with most strain energy first: an order may be smaller than the number of loads.
+    ports = ports @ np.linalg.svd(ports / system.W[:, None], full_matrices=False)[2].T
+    krylov = np.hstack([ports / system.W[:, None] ** (2 * (k + 1)) for k in range(max(orders) // ports.shape[1] + 2)])
+    krylov /= np.linalg.norm(krylov, axis=0)
+    for r in orders:
+        yield "modes by their peaks", r, system.error(np.eye(n)[:, np.argsort(-peak)[:r]]), 0.0
+        yield "plain Krylov, at zero", r, system.error(np.linalg.qr(krylov[:, :r])[0]), 0.0
+        started = time.process_time()
+
+        def judged(shapes: Shapes) -> Judged:
+            error = system.error(shapes["body"]) / LIMIT.frf_error
+            return Judged(np.array([error]), np.zeros(1), error)
+
+        found = ShapeSearch(system.scene, LIMIT, judged).distributed(r)
+        yield OURS, r, system.error(found.shapes["body"]), time.process_time() - started
+
+
+def peers(system: Modal, orders: tuple[int, ...], folder: Path) -> Iterator[tuple[str, int, float, float]]:
+    """The same of pyMOR and python-control, and of our optimisation from the shapes of SOR-IRKA."""
+    python = os.environ.get("PYMOR_PYTHON")
+    if not python:
+        return
+    path = folder / "system.npz"
+    np.savez(path, **{name: getattr(system, name) for name in ("W", "D", "B", "C", "rate", "omega", "H")})
+    told = subprocess.run(
+        [python, str(PEER), str(path), ",".join(map(str, orders))], check=True, capture_output=True, text=True
+    ).stdout
+    for line in map(json.loads, told.splitlines()):
+        if "failed" in line:
+            print(f"{line['method']}, {line['order']}: {line['failed']}", file=sys.stderr)
+        else:
+            yield line["method"], line["order"], line["error"], line["seconds"]
+    for r in orders:
+        shapes = Path(f"{path}.irka{r}.npy")
+        if shapes.is_file():
+            started = time.process_time()
+            V = np.load(shapes)
+            fit = fit_shapes(system.scene, {"body": V if V.shape[0] == system.W.size else V.T}, [LIMIT], STEPS)
+            yield AFTER_IRKA, r, system.error(fit.shapes["body"]), time.process_time() - started
+
+
+def main(write: bool) -> None:
+    """Print the table; write it and the picture."""
+    found: dict[str, list[tuple[str, int, float, float]]] = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        makers = (iss, lambda: rotor(folder), lambda: solid(folder))
+        for (label, orders), make in zip(ORDERS.items(), makers, strict=True):
+            system = make()
+            found[label] = [*ours(system, orders), *peers(system, orders, folder)]
+    lines = []
+    for label, rows in found.items():
+        orders = ORDERS[label]
+        lines += [f"\n**{label}**\n", "| method | " + " | ".join(f"order {r}" for r in orders) + " |"]
+        lines.append("|---|" + "---|" * len(orders))
+        for method in dict.fromkeys(each[0] for each in rows):
+            at = {r: f"{error:.2%} ({seconds:.1f} s)" for own, r, error, seconds in rows if own == method}
+            lines.append(f"| {method} | " + " | ".join(at.get(r, "") for r in orders) + " |")
+    print("\n".join(lines), flush=True)
+    if write:
+        intro = (__doc__ or "").strip().splitlines()[0]
+        how = "Error of the response over the band (CPU seconds). `python benchmarks/reductors.py --write`."
+        text = f"# Reductors\n\n{intro}\n\n{how}\n"
+        PAGE.write_text(text + "\n".join(lines) + "\n")
+        with drawn(PICTURE, (9.0, 3.6)) as figure:
+            panels = figure.subplots(1, len(found))
+            for axes, (label, rows) in zip(panels, found.items(), strict=True):
+                for method in dict.fromkeys(each[0] for each in rows):
+                    points = [(r, error) for own, r, error, _ in rows if own == method]
+                    axes.plot(*zip(*points, strict=True), marker="o", markersize=3, linewidth=1.2, label=method)
+                axes.set_yscale("log")
+                axes.set_xlabel("order")
+                axes.set_title(label, fontsize=9)
+                plain_axes(axes, y="log")
+            panels[0].set_ylabel("frf_error")
+            legend_above(figure, panels[0])
+
+
+if __name__ == "__main__":
+    main("--write" in sys.argv[1:])

@@ -1,0 +1,219 @@
+"""A large body in static shapes and responses: its small model, its residuals, and solves at a frequency."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.blocks import by_columns
+from cmsreduce.linalg.response import DynamicStiffness, ResonanceError
+from cmsreduce.linalg.sparse import BLOCK, factorise
+from cmsreduce.model import FEModel, Substructure
+from cmsreduce.reduce.static_shapes import elastic_solve, residual_shapes
+
+__all__ = ["ResponseBody"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# A response is new when the shapes before it leave this share of its strain energy: a thousandth of its amplitude,
+# which changes a receptance by a millionth.
+_NEW = 1e-6
+# Directions of the richer model are dependent when the others leave this share of one's strain energy.
+_DEPENDENT = 1e-10
+# A mode of less mass than this share of the heaviest one's responds statically in any band.
+_NO_MASS = 1e-14
+
+
+class ResponseBody:
+    """Elastic shapes V of one body, orthonormal in K, to which responses are added.
+
+    Parameters
+    ----------
+    body : FEModel
+        n dofs; its damping matrix, if any, is symmetric and resists no rigid motion.
+    rigid : (n, r) float64
+        Rigid-body modes, orthonormal in M.
+    alone : Substructure
+        The body in its dofs, for the motions of its points.
+    acting : (p, q) float64
+        Orthonormal combinations of the motions of these points on which forces act, or that are measured.
+    loads : (n, l) float64 or sparse array
+        Loads whose static shapes are the first shapes.
+
+    Notes
+    -----
+    U = G M V, with G the elastic flexibility, are the static responses to the inertia of the shapes: what the residuals
+    of any response in V look like. V and U together make the richer model, of which only products are kept: K V is M U
+    up to rigid momentum, so that three small matrices hold all energies.
+    """
+
+    def __init__(self, body: FEModel, rigid: Array, alone: Substructure, acting: Array, loads: Array | sp.csc_array):
+        self.body, self.rigid, self._alone = body, rigid, alone
+        self._flexibility = elastic_solve(body, rigid)
+        self._momentum = np.asarray(body.M @ rigid)
+        self._motions = sp.csr_array(sp.vstack([sp.csr_array(rows) for rows in alone.motion.values()]))
+        self.acting = acting
+        force = np.asarray(self._motions.T @ acting)
+        self.force = force - self._momentum @ (rigid.T @ force)
+        self.shapes, self._inertia = np.empty((body.n, 0)), np.empty((body.n, 0))
+        self._energy = {power: np.empty((0, 0)) for power in (1, 2, 3)}
+        self._append(residual_shapes(self._flexibility, body.K, loads, self.shapes)[0])
+
+    @property
+    def count(self) -> int:
+        """Number of elastic shapes."""
+        return self.shapes.shape[1]
+
+    def add(self, X: Array) -> int:
+        """Add the parts of elastic motions (n, c) that are new, and return their number."""
+        before = self.count
+        self._append(self._beyond(X))
+        return self.count - before
+
+    def add_inertia(self) -> int:
+        """Add the static responses to the inertia of the shapes, which are known, and return their number."""
+        return self.add(self._inertia)
+
+    def responses(self, omega: float) -> Array | Complex:
+        """Elastic responses of the body to unit ``acting`` forces at a frequency in rad/s (n, q).
+
+        Without a damping matrix K - w^2 M is factorised: a real shift, which spans the responses that are damped in
+        proportion, too.
+
+        Raises
+        ------
+        ResonanceError
+            If the frequency is a resonance to the last digit.
+        """
+        if self.body.D is None:
+            Z = sp.csc_array(self.body.K - omega**2 * self.body.M)
+            solve = factorise(Z, definite=False, what=f"body '{self.body.name}': the dynamic stiffness")
+            X: Array | Complex = solve(self.force)
+        else:
+            X = DynamicStiffness(self.body.K, self.body.M, self.body.D).solve(self.force, omega)
+        if not np.isfinite(X).all():
+            raise ResonanceError(omega)
+        return np.asarray(X - self.rigid @ (self._momentum.T @ X))
+
+    def flexibility(self, omega: float, X: Array | Complex) -> Array | Complex:
+        """Flexibility between the ``acting`` motions at a frequency (q, q), from the responses there."""
+        return np.asarray(self.force.T @ X - self._rigid_flexibility / omega**2)
+
+    def reduced_flexibility(self, omega: float, *, richer: bool) -> Array | Complex:
+        """The same in the shapes, or in the shapes and their residuals: like `responses` undamped without a matrix."""
+        T, M = self._pencil(richer)
+        r = self.rigid.shape[1]
+        seen = self.acting.T @ self._seen[:, r : r + T.shape[0]] @ T
+        Z: Array | Complex = np.eye(M.shape[0]) - omega**2 * M
+        if self.body.D is not None:
+            Z = Z + 1j * omega * (T.T @ self._damping(richer) @ T)
+        return np.asarray(seen @ np.linalg.solve(Z, seen.T) - self._rigid_flexibility / omega**2)
+
+    def modes(self, *, richer: bool) -> Substructure:
+        """The body in rigid motions and the modes that its shapes give, or these and their residuals.
+
+        Parameters
+        ----------
+        richer : bool
+            Take U, too.
+        """
+        T, M = self._pencil(richer)
+        mass, E = la.eigh(M)
+        mass, E = mass[::-1], E[:, ::-1]
+        mass = np.maximum(mass, _NO_MASS * mass.max(initial=0.0))
+        Y, r = T @ (E / np.sqrt(mass)), self.rigid.shape[1]
+        elastic = 1 / np.sqrt(mass)
+        omega = np.concatenate([np.zeros(r), elastic])
+        m = omega.size
+        seen = self._seen if richer else self._seen[:, : r + self.count]
+        motion = np.hstack([seen[:, :r], seen[:, r:] @ Y])
+        D = None
+        if self.body.D is not None:
+            D = np.zeros((m, m))
+            D[r:, r:] = Y.T @ self._damping(richer) @ Y
+        elif self.body.damping.structural is None and self.body.damping.law != "none":
+            D = np.diag(np.concatenate([np.zeros(r), 2 * self.body.damping.ratios(elastic) * elastic]))
+        loss = None if self.body.damping.structural is None else np.diag(self.body.damping.structural * omega**2)
+        ends = np.cumsum([0, *(rows.shape[0] for rows in self._alone.motion.values())])
+        return replace(
+            self._alone,
+            M=np.eye(m),
+            K=np.diag(omega**2),
+            D=D,
+            loss=loss,
+            rigid=np.eye(m, r),
+            motion={
+                label: motion[a:b] for label, (a, b) in zip(self._alone.motion, pairwise(ends.tolist()), strict=True)
+            },
+            omega=omega,
+        )
+
+    def _pencil(self, richer: bool) -> tuple[Array, Array]:
+        """Independent combinations T of V, or of V and U, orthonormal in K, and the mass over them."""
+        first, second, third = (self._energy[power] for power in (1, 2, 3))
+        if not richer:
+            return np.eye(self.count), first
+        K = np.block([[np.eye(self.count), first], [first, second]])
+        M = np.block([[first, second], [second, third]])
+        scale = 1 / np.sqrt(K.diagonal())
+        weight, E = la.eigh(K * np.outer(scale, scale))
+        own = weight > _DEPENDENT
+        T = scale[:, None] * (E[:, own] / np.sqrt(weight[own]))
+        return T, T.T @ M @ T
+
+    def _damping(self, richer: bool) -> Array:
+        """Damping matrix over V, or over V and U."""
+        assert self.body.D is not None
+        both = np.hstack([self.shapes, self._inertia]) if richer else self.shapes
+        return np.asarray(both.T @ np.asarray(self.body.D @ both))
+
+    @property
+    def _seen(self) -> Array:
+        """Motions of the points in rigid motions, in V and in U."""
+        return np.hstack([np.asarray(self._motions @ part) for part in (self.rigid, self.shapes, self._inertia)])
+
+    @property
+    def _rigid_flexibility(self) -> Array:
+        moved = self.acting.T @ np.asarray(self._motions @ self.rigid)
+        return np.asarray(moved @ moved.T)
+
+    def _append(self, new: Array) -> None:
+        if not new.shape[1]:
+            return
+        body = self.body
+        moved = np.asarray(body.M @ new)
+        U = np.empty_like(new, order="F")
+        for first in range(0, new.shape[1], BLOCK):
+            part = slice(first, first + BLOCK)
+            U[:, part] = self._flexibility(by_columns(moved[:, part]))
+        self.shapes, self._inertia = np.hstack([self.shapes, new]), np.hstack([self._inertia, U])
+        pushed = np.asarray(body.M @ U)
+        sides = {1: self.shapes.T @ moved, 2: self.shapes.T @ pushed, 3: self._inertia.T @ pushed}
+        for power, side in sides.items():
+            self._energy[power] = _bordered(self._energy[power], side)
+
+    def _beyond(self, X: Array) -> Array:
+        """Parts of elastic motions beyond the shapes, orthonormal in K; the second pass removes rounding."""
+        least = _NEW
+        for _ in range(2):
+            KX = np.asarray(self.body.K @ X)
+            size = np.sqrt(np.maximum(np.einsum("ij,ij->j", X, KX), np.finfo(float).tiny))
+            X, KX = X / size, KX / size
+            held = self.shapes.T @ KX
+            X = X - self.shapes @ held
+            weight, E = la.eigh(X.T @ np.asarray(self.body.K @ X))
+            own = weight > least
+            X, least = X @ (E[:, own] / np.sqrt(weight[own])), 0.5
+        return X
+
+
+def _bordered(A: Array, side: Array) -> Array:
+    """A symmetric matrix with more rows and columns, of which the last columns (n + k, k) are given."""
+    n = A.shape[0]
+    return np.block([[A, side[:n]], [side[:n].T, (side[n:] + side[n:].T) / 2]])
