@@ -74,9 +74,9 @@ bench-peers:
 	-$(PYTHON) -m venv build/peers/sdynpy && build/peers/sdynpy/bin/pip install --quiet sdynpy
 
 # Nothing is downloaded: Exudyn is in the extra of that name, others are found by environment variables (docs/scenes.md).
-consumers: $(STAMP) ## exported scenes run in the multibody programs that are here, and benchmarks/consumers.md; minutes
+consumers: $(STAMP) ## scenes and files in the programs that are here, and docs/consumers.md; minutes
 	$(BIN)/python benchmarks/exported_scenes.py
-	$(BIN)/python -m pytest -q -rs $(addprefix tests/consumers/test_,exported_mbdyn.py exported_42.py embs.py pymbs.py)
+	$(BIN)/python benchmarks/consumer_tests.py
 
 pipelines: $(RUNS) ## run every pipeline whose inputs changed; try -j2
 

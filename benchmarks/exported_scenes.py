@@ -1,4 +1,4 @@
-"""Galileo's pair as `cmsreduce export` writes it, run unedited in other programs: a table of benchmarks/consumers.md.
+"""Galileo's pair as `cmsreduce export` writes it, run unedited in other programs: a table of docs/consumers.md.
 
 Exudyn is in the extra ``exudyn``; others are found by an environment variable. Rows of programs that are not here stay
 as they were.
@@ -26,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "sample_models" / "galileo")]
 
 import make  # noqa: E402
+from consumer_tests import print_part, printed  # noqa: E402
 
 from cmsreduce import __version__, simulate  # noqa: E402
 from cmsreduce.config import load_pipeline  # noqa: E402
@@ -37,8 +38,7 @@ from tests.consumers.predictions import HingedPair, Particles  # noqa: E402
 from tests.consumers.scene_42 import PROGRAM as PROGRAM_42  # noqa: E402
 from tests.consumers.scene_42 import simulated as run_42  # noqa: E402
 
-PAGE = ROOT / "benchmarks" / "consumers.md"
-BEGIN, END = "<!-- exported scenes: make consumers writes this table -->", "<!-- end -->"
+NAME = "exported scenes"
 KEPT, FEW = "{rotor: 19, stator: 10}", "{rotor: 8, stator: 4}"
 WRITE = "write: {formats: [hdf5], frame: {kind: clamped, at: spin_bearing}}\n"
 # Seconds between the values that are compared.
@@ -178,11 +178,8 @@ PROGRAMS: dict[str, Callable[[Path, Path, Case], Motion | None]] = {
 def main() -> None:
     """Run every case in every program, and write the table."""
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        last, _, after = rest.partition(END)
-        lines = table(folder, last.splitlines())
-    PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}", encoding="utf-8")
+        lines = table(Path(temporary), printed(NAME))
+    print_part(NAME, lines)
     print("\n".join(lines))
 
 

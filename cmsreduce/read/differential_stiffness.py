@@ -12,12 +12,19 @@ from cmsreduce.read.interfaces import MatrixSource
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.row_order import is_condensed
 
-__all__ = ["matrix_on_rows", "read_differential_stiffness", "refuse_other_couplings"]
+__all__ = [
+    "BALANCED",
+    "force_of_translation",
+    "is_held",
+    "matrix_on_rows",
+    "read_differential_stiffness",
+    "refuse_other_couplings",
+]
 
 # Of the largest entry: symmetric to ten thousand roundings of the file, the limit of a stiffness matrix, too.
 _SYMMETRY_FACTOR = 1e4
 # Of the largest sum of a row: stresses computed to six digits leave this of forces that balance.
-_BALANCED = 1e-6
+BALANCED = 1e-6
 
 
 def read_differential_stiffness(source: MatrixSource, body: FEModel, label: str) -> tuple[sp.csc_array, str]:
@@ -123,6 +130,28 @@ def refuse_other_couplings(A: sp.csc_array, body: FEModel, what: str) -> None:
         )
 
 
+def is_held(body: FEModel) -> bool:
+    """True if the matrices of a body hold it against translations."""
+    return body.grounded or (body.constrained is not None and bool((body.constrained.component <= 3).any()))
+
+
+def force_of_translation(A: sp.csc_array, body: FEModel) -> tuple[float, str]:
+    """Largest force of a translation of the whole body, of the largest sum of a row, and the dof where it acts.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+        Stiffness or damping; n dofs.
+    body : FEModel
+        The body, with coordinates.
+    """
+    assert body.nodes is not None
+    force = abs(A @ rigid_body_shapes(body.dofs, body.nodes)[:, :3]).max(axis=1)
+    scale = float(np.asarray(abs(A).sum(axis=1)).max(initial=0.0))
+    at = int(force.argmax()) if force.size else 0
+    return (float(force[at]) / scale, body.dofs.labels[at]) if scale else (0.0, "")
+
+
 def _coupled(A: sp.csc_array, node: NDArray[np.intp]) -> NDArray[np.int64]:
     """Pairs of nodes that have an entry, each as one number."""
     entries = sp.coo_array(A)
@@ -135,21 +164,18 @@ def _remark_on_balance(A: sp.csc_array, body: FEModel, what: str, rounding: floa
     """Refuse a matrix that resists translation, because stress does not; a remark if that cannot be checked."""
     if body.nodes is None:
         return f"{what}: without coordinates the order of its rows is not proven"
-    if body.grounded or (body.constrained is not None and (body.constrained.component <= 3).any()):
+    if is_held(body):
         return f"{what}: the body is held, so that the order of its rows is not proven"
-    force = abs(A @ rigid_body_shapes(body.dofs, body.nodes)[:, :3]).max(axis=1)
-    scale = float(np.asarray(abs(A).sum(axis=1)).max(initial=0.0))
-    limit = max(_BALANCED, _SYMMETRY_FACTOR * rounding) * scale
-    if force.max(initial=0.0) > limit:
-        at = int(force.argmax())
+    force, where = force_of_translation(A, body)
+    if force > max(BALANCED, _SYMMETRY_FACTOR * rounding):
         cause = (
             "stress was condensed with other dofs than the stiffness"
             if is_condensed(body)
             else "its rows are in another order than those of the stiffness, or in other units"
         )
         raise DofMapError(
-            f"{what}: a translation of the whole body costs {force[at] / scale:.1e} of its largest row "
-            f"at {body.dofs.labels[at]}, but stress resists no translation. Likely cause: {cause}; or it contains "
+            f"{what}: a translation of the whole body costs {force:.1e} of its largest row "
+            f"at {where}, but stress resists no translation. Likely cause: {cause}; or it contains "
             "more than stress, such as the softening by spin (- omega^2 M), which a multibody code adds from the mass"
         )
     return ""

@@ -7,13 +7,17 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, FEModel, Letter, rigid_body_shapes
-from cmsreduce.read.differential_stiffness import matrix_on_rows, refuse_other_couplings
+from cmsreduce.read.differential_stiffness import (
+    BALANCED,
+    force_of_translation,
+    is_held,
+    matrix_on_rows,
+    refuse_other_couplings,
+)
 from cmsreduce.read.interfaces import MatrixSource
 
 __all__ = ["read_parameter_matrix"]
 
-# Of the largest row: stresses computed to six digits leave this of forces that balance.
-_BALANCED = 1e-6
 # Roundings of the file that a sum over many entries may have.
 _ROUNDINGS = 1e4
 _WORDS: dict[Letter, str] = {"K": "stiffness", "M": "mass", "D": "damping", "G": "gyroscopic matrix"}
@@ -60,22 +64,19 @@ def read_parameter_matrix(
         refuse_other_couplings(A, body, named)
     if body.nodes is None or (body.dofs.component == SCALAR).all():
         return A, f"{named}: without coordinates the order of its rows is not proven"
-    limit = max(_BALANCED, _ROUNDINGS * rounding)
-    translation = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
-    scale = float(np.asarray(abs(A).sum(axis=1)).max(initial=0.0))
+    limit = max(BALANCED, _ROUNDINGS * rounding)
     if letter == "M":
-        return A, _remark_on_mass(A, translation, named, limit)
-    held = body.grounded or (body.constrained is not None and (body.constrained.component <= 3).any())
-    if grounded or held:
+        return A, _remark_on_mass(A, rigid_body_shapes(body.dofs, body.nodes)[:, :3], named, limit)
+    if grounded or is_held(body):
         return A, f"{named}: it may act against the ground, so that the order of its rows is not proven"
-    force = abs(A @ translation).max(axis=1)
-    if force.max(initial=0.0) > limit * scale:
-        at = int(force.argmax())
+    force, where = force_of_translation(A, body)
+    if force > limit:
         raise DofMapError(
-            f"{named}: a translation of the whole body costs {force[at] / scale:.1e} of its largest row at "
-            f"{body.dofs.labels[at]}, but what is inside a body resists no translation. Likely cause: its rows are in "
+            f"{named}: a translation of the whole body costs {force:.1e} of its largest row at "
+            f"{where}, but what is inside a body resists no translation. Likely cause: its rows are in "
             f"another order than those of the stiffness, or in other units; {_exception(letter)}"
         )
+    scale = float(np.asarray(abs(A).sum(axis=1)).max(initial=0.0))
     rigid = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
     turned = abs(A @ rigid[:, 3:]).max(initial=0.0) / (scale * max(float(abs(rigid[:, 3:]).max(initial=0.0)), 1e-300))
     if turned > limit:

@@ -14,6 +14,7 @@ from cmsreduce.read.labelled_matrix import DOUBLE
 __all__ = [
     "coordinate_rounding",
     "digits_of",
+    "number_of",
     "printed_rounding",
     "real_number",
     "rounding_of_digits",
@@ -46,6 +47,22 @@ def real_number(text: str) -> float | None:
     """
     found = _NASTRAN_REAL.match(text.strip().upper())
     return None if found is None else float(f"{found[1]}E{found[2] or 0}")
+
+
+def number_of(text: str) -> float:
+    """Value of a number whose exponent may have the letter of Fortran; remarks may follow it.
+
+    Raises
+    ------
+    ValueError
+        If the text begins with no number.
+
+    Examples
+    --------
+    >>> number_of("-.25d2"), number_of(" 3 kg")
+    (-25.0, 3.0)
+    """
+    return float((text.split() or [""])[0].replace("D", "E").replace("d", "e"))
 
 
 def digits_of(text: str) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -264,7 +265,9 @@ def test_other_units_are_refused(tmp_path: Path) -> None:
 
 
 @runs
-def test_small_motions_in_42_are_those_of_the_assembled_system(tree: Path, tmp_path: Path) -> None:
+def test_small_motions_in_42_are_those_of_the_assembled_system(
+    tree: Path, tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
     """Every sensor in its output under every actuator, through joints, springs, dampers and inertias of every kind.
 
     Its errors fall with the square of the step, because thrusts are constant in each: two steps are extrapolated to
@@ -284,6 +287,7 @@ def test_small_motions_in_42_are_those_of_the_assembled_system(tree: Path, tmp_p
     names = [name.decode() for name in system["outputs"]]
     answer = answer[:, [names.index(name) for name in outputs.SENSORS]]
     apart = np.sqrt(((found - answer) ** 2).mean(axis=0) / (answer**2).mean(axis=0))
+    record_property("error", apart.max())
     assert apart.max() < 1e-4, dict(zip(outputs.SENSORS, apart, strict=True))
 
 

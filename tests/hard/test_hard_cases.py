@@ -31,17 +31,17 @@ BELOW = 1e-9
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", [name for name in BUILDERS if name != "mast"])
 def test_hard_case(name, method):
-    holds(build(name), method)
+    assert_holds(build(name), method)
 
 
 def test_fronts_hold_the_digits_of_a_slender_body():
     """The solver that is chosen by itself for bodies of more dofs."""
     with solver_settings(SolverSettings("multifrontal")) as settings:
-        holds(build("slender_mast"), "macneal-rubin")
+        assert_holds(build("slender_mast"), "macneal-rubin")
     assert "multifrontal" in {work.backend for work in settings.work}
 
 
-def holds(case, method):
+def assert_holds(case, method):
     if method in case.refused:
         refusal = case.refused[method]
         with pytest.raises(refusal.error, match=refusal.reason) as refused:

@@ -53,6 +53,8 @@ class FloatingBody:
         Integrals of second order of the modes; None if the file does not determine them.
     points : MassPoints, optional
         Masses that have all integrals, in place of ``second_order``.
+    undetermined : str
+        Reason why the file does not determine integrals of second order.
     """
 
     mass: float
@@ -69,6 +71,7 @@ class FloatingBody:
     rotation: Array
     second_order: SecondOrder | None = None
     points: MassPoints | None = None
+    undetermined: str = ""
 
     @property
     def k(self) -> int:
@@ -121,6 +124,10 @@ class FloatingBody:
         known = np.isin(np.arange(_SIX), motions) & ~np.outer(blind, np.arange(_SIX) >= 3)
         node, component = np.nonzero(known)
         square = np.ix_(own, own)
+        second_order = self._second_order(np.eye(_SIX)[:, motions])
+        why = self.undetermined
+        if second_order is None and self.second_order is not None:
+            why = "its integrals of second order are of another mass than its modal mass"
         return ModalBody(
             name=name,
             K=K[square],
@@ -133,7 +140,8 @@ class FloatingBody:
             rounding=rounding,
             sources=(Source(str(path), sha256_of(path), kind),),
             unproven="its file names the node of each shape, and nothing in it proves that the shape belongs there",
-            second_order=self._second_order(np.eye(_SIX)[:, motions]),
+            second_order=second_order,
+            remarks=(f"component '{name}': read for slow rotations from {path}: {why}",) if why else (),
         )
 
     def _second_order(self, rigid: Array) -> SecondOrder | None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.mechanics import points_of_lumps
 from cmsreduce.model import SecondOrder, Units, cross_matrix
 from cmsreduce.read.files import reading
-from cmsreduce.read.printed_numbers import rounding_of_printed
+from cmsreduce.read.printed_numbers import number_of, rounding_of_printed
 from cmsreduce.read.reduced.floating_body import FloatingBody
 from cmsreduce.read.reduced.modal_body import ModalBody
 
@@ -60,7 +60,7 @@ def read_mbdyn(name: str, path: Path, units: Units) -> ModalBody:
             raise ValueError("it states no mass: neither record group 11 (lumped masses) nor 12 (rigid body)")
         node = np.array([int(word) for word in words[2]])
         n = node.size
-        values = {group: np.array([_number(word) for word in found]) for group, found in words.items() if group > 2}
+        values = {group: np.array([number_of(word) for word in found]) for group, found in words.items() if group > 2}
         k = round(values[8].size / (6 * n)) if n else 0
         body = _body(node, k, _shaped(values, n, k))
         digits = rounding_of_printed([word for group in (8, 9, 10) for word in words[group]])
@@ -160,7 +160,3 @@ def _of_invariants(eight: Array, nine: Array) -> SecondOrder:
     r_phi = np.einsum("j,ab->abj", of_eight, np.eye(3)) - np.einsum("ajb->baj", eight)
     phi_phi = np.einsum("ajkb->bajk", nine) + np.einsum("jk,ab->abjk", of_nine, np.eye(3))
     return SecondOrder(r_phi, phi_phi)
-
-
-def _number(text: str) -> float:
-    return float(text.replace("D", "E").replace("d", "e"))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.mechanics import CROSS
 from cmsreduce.model import SecondOrder, Units
 from cmsreduce.read.files import reading
+from cmsreduce.read.printed_numbers import number_of
 from cmsreduce.read.reduced.floating_body import FloatingBody
 from cmsreduce.read.reduced.modal_body import ModalBody
 
@@ -50,7 +51,7 @@ class _Block:
         """Value of a line."""
         for label, value in self.values:
             if label == name:
-                return _number(value)
+                return number_of(value)
         raise ValueError(f"'{self.name}' has no '{name}'")
 
 
@@ -111,7 +112,8 @@ def read_sid(name: str, path: Path, units: Units) -> ModalBody:
         xyz=np.array(xyz),
         translation=np.array(translation),
         rotation=np.array(rotation),
-        second_order=second_order,
+        second_order=None if isinstance(second_order, str) else second_order,
+        undetermined=second_order if isinstance(second_order, str) else "",
     )
     return body.modal(name, path, units, rounding=_ROUNDING, kind="SID")
 
@@ -152,17 +154,17 @@ def _term(block: _Block, of_modes: int | None = None) -> Array:
         at = [int(part) - 1 for part in entry[2].split(",")]
         if of_modes is not None:
             # Row, mode, column.
-            found[at[0], at[2], at[1]] = _number(value)
+            found[at[0], at[2], at[1]] = number_of(value)
             continue
         row, column = at
-        found[row, column] = _number(value)
+        found[row, column] = number_of(value)
         if structure == _SYMMETRIC:
             found[column, row] = found[row, column]
     return found
 
 
-def _second_order(modal: _Block, terms: Mapping[str, Array], k: int) -> SecondOrder | None:
-    """Integrals of second order; None where the file has none, or its terms contradict each other.
+def _second_order(modal: _Block, terms: Mapping[str, Array], k: int) -> SecondOrder | str:
+    """Integrals of second order; the reason where the file has none, or its terms contradict each other.
 
     Notes
     -----
@@ -173,22 +175,23 @@ def _second_order(modal: _Block, terms: Mapping[str, Array], k: int) -> SecondOr
     geometric stiffness, which some programs add to them, break it.
     """
     named = {block.name: block for block in modal.blocks}
-    if not {"Gr", "Ge", "Oe"} <= named.keys() or not k:
-        return None
+    if not {"Gr", "Ge", "Oe"} <= named.keys():
+        return "it has no Gr, Ge and Oe"
     Gr, Ge, growth = _term(named["Gr"]), _term(named["Ge"]), _term(named["Oe"], of_modes=k)
     if Gr.shape != (3, 3 * k) or Ge.shape != (k, 3 * k) or growth.shape != (k, 6, k):
-        return None
+        return f"Gr, Ge and the derivatives of Oe are not 3 x {3 * k}, {k} x {3 * k} and {k} x 6"
     r_phi = [each for block in _blocks(Gr, k) if (each := _with_momentum(block, terms["Cr"].T)) is not None]
     turning = [block / 2 for block in _blocks(Ge, k) if _equal(block, -block.transpose(2, 1, 0))]
-    if not _unique(r_phi) or not _unique(turning):
-        return None
+    for term, found in (("Gr", r_phi), ("Ge", turning)):
+        if not _unique(found):
+            return f"the order of the columns of {term}, by axis or by mode, cannot be told from Cr and from each other"
     symmetric = np.zeros((3, 3, k, k))
     for column, (a, b) in enumerate(_SQUARES):
         symmetric[a, b] = symmetric[b, a] = growth[:, column] * (1.0 if a == b else 0.5)
     trace = np.einsum("iiab->ab", symmetric) / -2
     symmetric += np.einsum("ab,ij->ijab", trace, np.eye(3))
     if not _equal(trace, terms["Me"]):
-        return None
+        return "the derivatives of Oe do not have the modal mass in them; they may hold geometric stiffness"
     # Entry (i, j) less entry (j, i) is component m of int phi_k x phi_l dm, and Ge has phi_l x phi_k.
     skew = -np.einsum("mij,amb->ijab", CROSS, turning[0]) / 2
     return SecondOrder(r_phi[0], symmetric + skew)
@@ -223,7 +226,3 @@ def _check_shapes(terms: Mapping[str, Array], k: int) -> None:
     for part, shape in wanted.items():
         if terms[part].shape != shape:
             raise ValueError(f"'{part}' is {terms[part].shape}, where {shape} fits its {k} modes")
-
-
-def _number(text: str) -> float:
-    return float(text.split()[0].replace("D", "E").replace("d", "e"))

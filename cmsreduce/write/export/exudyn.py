@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from importlib.resources import files
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import WriteError
 from cmsreduce.model import (
     Channel,
     JointTerm,
@@ -26,7 +24,8 @@ from cmsreduce.model import (
     SceneJoint,
     StrutTerm,
 )
-from cmsreduce.write.component import FlexibleBody, flexible_body, read_component, stored_integrals
+from cmsreduce.write.component import FlexibleBody
+from cmsreduce.write.export.body_frame import BodyFrame, point_position, rendered
 from cmsreduce.write.export.first_slew import FirstSlew, first_slew
 from cmsreduce.write.files import atomic_path
 from cmsreduce.write.targets import exudyn_arrays
@@ -59,7 +58,7 @@ def write_exudyn_scene(folder: Path, scene: MultibodyScene) -> tuple[Path, ...]:
     WriteError
         If a body or a joint has no form in Exudyn.
     """
-    bodies = {body.name: _Frame.of(body) for body in scene.bodies}
+    bodies = {body.name: BodyFrame.of(body, slow=True) for body in scene.bodies}
     written: dict[Path, Path] = {}
     for body in scene.bodies:
         reduced = bodies[body.name].reduced
@@ -73,35 +72,6 @@ def write_exudyn_scene(folder: Path, scene: MultibodyScene) -> tuple[Path, ...]:
     with atomic_path(script) as temporary:
         temporary.write_text(_script(scene, bodies, names, first_slew(scene)), encoding="utf-8")
     return (script, *written.values())
-
-
-@dataclass(frozen=True, eq=False)
-class _Frame:
-    """Frame of a body in Exudyn: its place, and axes as rows, in the basic frame; and its modes."""
-
-    origin: Array
-    axes: Array
-    reduced: FlexibleBody | None = None
-    held: bool = False
-
-    @classmethod
-    def of(cls, body: SceneBody) -> _Frame:
-        if body.file is None:
-            assert body.rigid is not None
-            return cls(body.rigid.cg, np.eye(3))
-        component = read_component(body.file)
-        if component.rigid_count not in (0, _SIX):
-            raise WriteError(
-                f"component '{body.name}': it has {component.rigid_count} rigid motions; the floating frame of a "
-                "multibody program has six, and that of a body held to the ground none"
-            )
-        integrals = stored_integrals(component)
-        reduced = flexible_body(component, integrals, slow=True)
-        return cls(integrals.origin, integrals.axes, reduced, component.rigid_count == 0)
-
-    def direction(self, basic: Array) -> Any:
-        """Weights of six motions along the frame, from those along the basic axes."""
-        return _plain(np.concatenate([self.axes @ basic[:3], self.axes @ basic[3:]]))
 
 
 def _write_body(path: Path, body: FlexibleBody) -> None:
@@ -125,27 +95,19 @@ def _write_body(path: Path, body: FlexibleBody) -> None:
         temporary.write_bytes(image.getvalue())
 
 
-def _script(scene: MultibodyScene, bodies: dict[str, _Frame], names: dict[str, str], slew: FirstSlew) -> str:
-    from jinja2 import Environment, StrictUndefined
-
-    from cmsreduce import __version__
-
-    template = files("cmsreduce.write.export").joinpath("exudyn_scene.py.j2").read_text(encoding="utf-8")
-    environment = Environment(
-        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
+def _script(scene: MultibodyScene, bodies: dict[str, BodyFrame], names: dict[str, str], slew: FirstSlew) -> str:
     laws = [
         (repr(each.name), f"slew({slew.effort!r})" if each.name == slew.actuator else "off") for each in scene.actuators
     ]
     units = scene.scene.units.name
-    return environment.from_string(template).render(
+    return rendered(
+        "exudyn_scene.py.j2",
         title=_text(f"Scene '{scene.name}' for Exudyn, at rest in the configuration '{scene.configuration.name}'."),
-        origin=f"Written by cmsreduce {__version__} for Exudyn 1.13. Units {units}, angles in radians.",
+        units=units,
         seconds=repr(slew.seconds),
         seconds_why=slew.seconds_why,
         step=repr(slew.step),
         step_why=slew.step_why,
-        efforts=f"in the units of {units}",
         laws=laws,
         configuration=_text(repr(scene.configuration.name)),
         lines=[
@@ -163,7 +125,7 @@ def _text(words: str) -> str:
     return words.replace("\\", "/").replace('"', "'")
 
 
-def _body_lines(scene: MultibodyScene, bodies: dict[str, _Frame], names: dict[str, str]) -> Iterator[str]:
+def _body_lines(scene: MultibodyScene, bodies: dict[str, BodyFrame], names: dict[str, str]) -> Iterator[str]:
     for body in scene.bodies:
         frame, R = bodies[body.name], body.placement.rotation
         position, rotation = _plain(scene.in_scene(body.name, frame.origin)), _plain(R @ frame.axes.T)
@@ -175,7 +137,7 @@ def _body_lines(scene: MultibodyScene, bodies: dict[str, _Frame], names: dict[st
         yield f"scene.flexible({body.name!r}, {names[body.name]!r}, {position}, {rotation}{held})"
 
 
-def _ground_lines(scene: MultibodyScene, bodies: dict[str, _Frame]) -> Iterator[str]:
+def _ground_lines(scene: MultibodyScene, bodies: dict[str, BodyFrame]) -> Iterator[str]:
     for point in scene.ground:
         body = scene.body(point.body)
         face = body.interfaces[point.name]
@@ -188,7 +150,7 @@ def _ground_lines(scene: MultibodyScene, bodies: dict[str, _Frame]) -> Iterator[
             yield f"scene.lock({ground}, scene.point{on_body}, {held})  # {point}"
 
 
-def _joint_lines(scene: MultibodyScene, bodies: dict[str, _Frame], placed: SceneJoint) -> Iterator[str]:
+def _joint_lines(scene: MultibodyScene, bodies: dict[str, BodyFrame], placed: SceneJoint) -> Iterator[str]:
     joint, name = placed.joint, placed.joint.name
     first, second = scene.body(joint.first.body), scene.body(joint.second.body)
     one, other = first.interfaces[joint.first.name], second.interfaces[joint.second.name]
@@ -242,44 +204,43 @@ def _relative(scene: MultibodyScene, placed: SceneJoint) -> Array:
     return np.concatenate([A @ (ends[1] - ends[0]), angles])
 
 
-def _actuator_lines(scene: MultibodyScene, bodies: dict[str, _Frame], channel: Channel) -> Iterator[str]:
+def _actuator_lines(scene: MultibodyScene, bodies: dict[str, BodyFrame], channel: Channel) -> Iterator[str]:
     name = repr(channel.name)
     for term in channel.terms:
         match term:
             case JointTerm(joint, dof):
                 yield f"scene.drive({name}, {joint!r}, {dof})"
             case PointTerm(at, direction):
-                yield f"scene.push({name}, {_at(scene, bodies, at)}, {bodies[at.body].direction(direction)})"
+                yield f"scene.push({name}, {_at(scene, bodies, at)}, {_plain(bodies[at.body].weights(direction))})"
             case StrutTerm(a, b):
                 ends = (_at(scene, bodies, point) for point in (a, b))
                 yield f"scene.stretch({name}, {', '.join(f'({end})' for end in ends)})"
 
 
-def _sensor_lines(scene: MultibodyScene, bodies: dict[str, _Frame], channel: Channel) -> Iterator[str]:
+def _sensor_lines(scene: MultibodyScene, bodies: dict[str, BodyFrame], channel: Channel) -> Iterator[str]:
     name, rate = repr(channel.name), channel.rate
     for term in channel.terms:
         match term:
             case JointTerm(joint, dof):
                 yield f"scene.sense_joint({name}, {joint!r}, {dof}, {rate})"
             case PointTerm(at, direction):
-                direct = bodies[at.body].direction(direction)
+                direct = _plain(bodies[at.body].weights(direction))
                 yield f"scene.sense({name}, {_at(scene, bodies, at)}, {direct}, {rate})"
             case StrutTerm(a, b):
                 ends = (_at(scene, bodies, point) for point in (a, b))
                 yield f"scene.sense_stretch({name}, {', '.join(f'({end})' for end in ends)}, {rate})"
 
 
-def _at(scene: MultibodyScene, bodies: dict[str, _Frame], point: Point) -> str:
+def _at(scene: MultibodyScene, bodies: dict[str, BodyFrame], point: Point) -> str:
     """Body and node, or place in the frame of a rigid body, as text."""
     body = scene.body(point.body)
     if body.rigid is None:
         return f"{body.name!r}, {body.node(point.name)}"
-    place = body.rigid.cg if point.name == "cg" else body.interfaces[point.name].position[0]
-    return f"{body.name!r}, {_plain(place - bodies[body.name].origin)}"
+    return f"{body.name!r}, {_plain(point_position(body, point) - bodies[body.name].origin)}"
 
 
 def _point(
-    bodies: dict[str, _Frame], body: SceneBody, node: int, position: Array, axes: Array, apart: Array | None = None
+    bodies: dict[str, BodyFrame], body: SceneBody, node: int, position: Array, axes: Array, apart: Array | None = None
 ) -> str:
     """A point as the script takes it: body, node or place, axes, and a rigid arm where there is one."""
     frame = bodies[body.name]

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from cmsreduce.model import MultibodyScene, RigidBody, SceneBody
 from cmsreduce.write.component import read_component, stored_integrals
+from cmsreduce.write.export.body_frame import BodyFrame
 from cmsreduce.write.export.first_slew import FirstSlew, first_slew
 from cmsreduce.write.export.mbdyn_channels import actuator_laws, add_actuator, add_sensor
-from cmsreduce.write.export.mbdyn_input import BodyFrame, MbdynInput, matrix, real, vector
+from cmsreduce.write.export.mbdyn_input import MbdynInput, matrix, real, vector
 from cmsreduce.write.export.mbdyn_joints import add_ground, add_joint
 from cmsreduce.write.files import put_lines
 from cmsreduce.write.targets import write_mbdyn

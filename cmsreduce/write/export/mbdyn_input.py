@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
 from cmsreduce.model import MultibodyScene, Point, SceneBody, SceneJoint
-from cmsreduce.write.component import FlexibleBody, flexible_body, read_component, stored_integrals
+from cmsreduce.write.export.body_frame import BodyFrame, point_position
 
-__all__ = ["BodyFrame", "MbdynInput", "Place", "matrix", "quoted", "real", "vector"]
+__all__ = ["MbdynInput", "Place", "matrix", "quoted", "real", "vector"]
 
-_SIX = 6
 _COUNTED = {"joint": "joints", "force": "forces", "couple": "forces", "body": "rigid bodies"}
 """Elements, and the card that counts them."""
 
@@ -39,31 +38,6 @@ def matrix(rows: Array) -> str:
 def quoted(words: str) -> str:
     """Words in quotes."""
     return '"' + words.replace("\\", "/").replace('"', "'") + '"'
-
-
-@dataclass(frozen=True, eq=False)
-class BodyFrame:
-    """Frame in which MBDyn holds a body: origin and axes as rows, in the basic frame; its modes, if it has any."""
-
-    origin: Array
-    axes: Array
-    reduced: FlexibleBody | None = None
-    held: bool = False
-
-    @classmethod
-    def of(cls, body: SceneBody) -> BodyFrame:
-        """Centre of mass and basic axes of a rigid body; frame of the integrals of a flexible one."""
-        if body.file is None:
-            assert body.rigid is not None
-            return cls(body.rigid.cg, np.eye(3))
-        component = read_component(body.file)
-        if component.rigid_count not in (0, _SIX):
-            raise WriteError(
-                f"component '{body.name}': it has {component.rigid_count} rigid motions; a modal joint of MBDyn has "
-                "six, or none if it is clamped. Hold the body to the ground by a joint instead of by its matrices"
-            )
-        integrals = stored_integrals(component)
-        return cls(integrals.origin, integrals.axes, flexible_body(component, integrals), component.rigid_count == 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +82,7 @@ class Place:
 
     def along(self, basic: Array) -> Array:
         """Direction along the axes of the node, from one along the basic axes of the body."""
-        return np.asarray(self.frame.axes @ basic)
+        return self.frame.along(basic)
 
     def oriented(self, rows: Array, order: tuple[int, int, int] = (0, 1, 2)) -> str:
         """Orientation against the node of axes that are rows in the basic frame of the body."""
@@ -199,8 +173,7 @@ class MbdynInput:
         body = self.scene.body(point.body)
         if body.rigid is None:
             return self._at_node(body, body.node(point.name))
-        position = body.rigid.cg if point.name == "cg" else body.interfaces[point.name].position[0]
-        return self._on_rigid(body, position, point.name)
+        return self._on_rigid(body, point_position(body, point), point.name)
 
     def of_interface(self, point: Point, k: int = 0) -> Place:
         """A node of an interface."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterator, Sequence
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import MultibodyScene
+from cmsreduce.write.export.body_frame import rendered
 from cmsreduce.write.export.channels42 import Thruster, command_lines, sensor_table, thrusters
 from cmsreduce.write.export.first_slew import FirstSlew, first_slew
 from cmsreduce.write.export.spacecraft42 import spacecraft
@@ -231,31 +231,21 @@ def _nodes(part: Part) -> Iterator[str]:
 
 def _script(tree: Spacecraft, slew: FirstSlew, table: list[tuple[str, int, float]]) -> Sequence[str]:
     """scene.py: laws of the actuators, and sensors from the output of 42."""
-    from jinja2 import Environment, StrictUndefined
-
-    from cmsreduce import __version__
-
-    template = files("cmsreduce.write.export").joinpath("scene42.py.j2").read_text(encoding="utf-8")
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     sensors = dict(sensor_table(tree))
     parts = [f"{part.name}" + ("" if part.mass else ", a hub without mass") for part in tree.parts]
-    return (
-        environment.from_string(template)
-        .render(
-            title=f"Scene '{tree.scene.name}' in 42, from the configuration '{tree.scene.configuration.name}'.",
-            version=__version__,
-            effort=repr(slew.effort),
-            seconds=repr(slew.seconds),
-            laws=[(repr(each.name), each.name == slew.actuator) for each in tree.scene.actuators],
-            thrusters=table,
-            parts=parts,
-            modes=[(part.name, part.modes.k) for part in tree.parts if part.modes is not None],
-            sensors={name: terms for name, terms in sensors.items() if not isinstance(terms, str)},
-            missing={name: why for name, why in sensors.items() if isinstance(why, str)},
-            source=inspect.getsource(command_lines),
-        )
-        .splitlines()
-    )
+    return rendered(
+        "scene42.py.j2",
+        title=f"Scene '{tree.scene.name}' in 42, from the configuration '{tree.scene.configuration.name}'.",
+        effort=repr(slew.effort),
+        seconds=repr(slew.seconds),
+        laws=[(repr(each.name), each.name == slew.actuator) for each in tree.scene.actuators],
+        thrusters=table,
+        parts=parts,
+        modes=[(part.name, part.modes.k) for part in tree.parts if part.modes is not None],
+        sensors={name: terms for name, terms in sensors.items() if not isinstance(terms, str)},
+        missing={name: why for name, why in sensors.items() if isinstance(why, str)},
+        source=inspect.getsource(command_lines),
+    ).splitlines()
 
 
 def _largest(effort: float) -> float:

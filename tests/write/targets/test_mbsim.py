@@ -1,5 +1,6 @@
 """MBSim's HDF5 input: its own datasets, and the sums over particles that they stand for."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import WriteError
+from cmsreduce.model import cross_matrix
 from cmsreduce.write.targets.mbsim import write_mbsim
 from tests.write.particles import FORMATS, particles
 
@@ -71,6 +73,68 @@ def test_sums_over_particles(tmp_path: Path) -> None:
     np.testing.assert_allclose(f["v"], body.node_v, rtol=0, atol=1e-15)
     np.testing.assert_array_equal(np.diag(f["K"]), body.omega**2)
     np.testing.assert_allclose(np.diag(f["D"]), 0.02 * body.omega)
+
+
+def equations(
+    f: dict[str, np.ndarray], q: np.ndarray, rate: np.ndarray, w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mass matrix and load over the frame's acceleration and the modes, as MBSim forms them from the datasets.
+
+    Source: assemble and updateMb of generic_flexible_ffr_body.cc (MBSim, July 2026). Gravity is zero.
+    """
+    k, one = q.size, np.eye(3)
+    R, trace = f["r_phi"], np.einsum("iil->l", f["r_phi"])
+    PP = np.empty((3, 3, k, k))
+    for pair, (i, j) in enumerate(PAIRS):
+        PP[i, j], PP[j, i] = f["phi_phi"][pair], f["phi_phi"][pair].T
+    masses = np.einsum("iiab->ab", PP)
+    # [row, column, mode, mode]: entry (a, b) off the diagonal is - PP[b][a].
+    grown = np.einsum("ab,lm->ablm", one, masses) - PP.swapaxes(0, 1)
+    inertia = np.trace(f["rr"]) * one - f["rr"]
+    inertia = inertia + 2 * (trace @ q) * one - (R + R.swapaxes(0, 1)) @ q + np.einsum("abij,i,j->ab", grown, q, q)
+    Gr0 = 2 * (np.einsum("l,ab->abl", trace, one) - R.swapaxes(0, 1))
+    Cr0 = np.array([R[1, 2] - R[2, 1], R[2, 0] - R[0, 2], R[0, 1] - R[1, 0]]).T
+    Kr = np.array([PP[1, 2].T - PP[1, 2], PP[2, 0].T - PP[2, 0], PP[0, 1].T - PP[0, 1]])
+    Oe0 = np.array([R[a, a] - trace for a in range(3)] + [R[a, b] + R[b, a] for a, b in ((0, 1), (1, 2), (2, 0))]).T
+    Oe1 = [PP[a, a] - masses for a in range(3)] + [PP[a, b] + PP[a, b].T for a, b in ((0, 1), (1, 2), (2, 0))]
+    mc = f["r"] + f["phi"] @ q
+    M = np.zeros((6 + k, 6 + k))
+    M[:3, :3], M[3:6, 3:6], M[6:, 6:] = f["m"] * one, inertia, masses
+    M[3:6, :3] = cross_matrix(mc)
+    M[6:, :3], M[6:, 3:6] = f["phi"].T, Cr0 + (Kr @ q).T
+    M = np.tril(M) + np.tril(M, -1).T
+    squares = np.array([*(w * w), w[0] * w[1], w[1] * w[2], w[0] * w[2]])
+    # Gr1[j][i] q_j: derivative i of the inertia by modes, twice its part of second order.
+    turned = Gr0 @ rate + np.einsum("abji,j,i->ab", 2 * grown, q, rate)
+    h = np.zeros(6 + k)
+    h[:3] = -np.cross(w, np.cross(w, mc)) - 2 * np.cross(w, f["phi"] @ rate)
+    h[3:6] = -turned @ w - np.cross(w, inertia @ w)
+    h[6:] = (
+        -(2 * Kr @ rate).T @ w - (Oe0 + np.array([each @ q for each in Oe1]).T) @ squares - f["K"] @ q - f["D"] @ rate
+    )
+    return M, h
+
+
+def test_mbsims_equations_are_those_of_the_particles(
+    tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
+    """D'Alembert over particles at large deflections and rates: every index and sign as MBSim reads it."""
+    body, rng = particles(), np.random.default_rng(4)
+    write_mbsim(tmp_path / "body.h5", body.file, body.integrals)
+    f = read(tmp_path / "body.h5")
+    k = len(f["K"])
+    q, rate, w = rng.normal(size=k), rng.normal(size=k), rng.normal(size=3)
+    M, h = equations(f, q, rate, w)
+    x, moved = body.x + body.u @ q, body.u @ rate
+    B = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), -cross_matrix(x), body.u], axis=2)
+    left = np.cross(w, np.cross(w, x)) + 2 * np.cross(w, moved)
+    expected = np.einsum("n,nia,nib->ab", body.m, B, B)
+    load = -np.einsum("n,nia,ni->a", body.m, B, left)
+    load[6:] -= f["K"] @ q + f["D"] @ rate
+    for found, known in ((M, expected), (h, load)):
+        error = abs(found - known).max() / abs(known).max()
+        record_property("error", error)
+        assert error <= 1e-12
 
 
 def test_equal_bodies_give_equal_bytes(tmp_path: Path) -> None:
