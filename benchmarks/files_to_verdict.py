@@ -1,9 +1,9 @@
 """From files to verdict: two solid bars with tied ends and a hinge at three angles; seconds by stage.
 
 ``python benchmarks/files_to_verdict.py [DOFS ...]`` prints a Markdown table for bodies of about so many dofs each
-(1e4 and 1e5 if not given). The reductions alone are Craig-Bampton of both bodies from matrices in memory, ties included,
-without any proof but the count of the modes. Seconds are those of the clock and of the processors: the latter hardly depend on
-what else the machine does.
+(1e4 and 1e5 if not given). The reductions alone are Craig-Bampton of both bodies from matrices in memory, ties
+included, without any proof but the count of the modes. Seconds are those of the clock and of the processors: the latter
+hardly depend on what else the machine does.
 """
 
 from __future__ import annotations
