@@ -187,8 +187,11 @@ class _Search:
                 if first is not None:
                     truncated[name] = min(self.modes(first), truncated.get(name, self.modes(first)))
                     best = min(best, first, key=self.modes)
-        # Starting from the best ranked set and from all modes often gives one result; otherwise the smaller one counts.
-        kept = self._settled(min((self._pruned(start) for start in dict.fromkeys((best, everything))), key=self.modes))
+        kept = self._settled(self._pruned(best))
+        # Starting from all modes often gives the same; exchanges follow only where it gives fewer.
+        other = self._pruned(everything)
+        if self.modes(other) < self.modes(kept):
+            kept = self._settled(other)
         nearest = self._nearest(kept)
         return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), nearest, truncated)
 
@@ -274,10 +277,12 @@ class _Search:
         order = np.argsort(effects.single, kind="stable")
         inside = np.isin(order, list(kept))
         out, into = order[inside][:_PARTNERS].tolist(), order[~inside][:_PARTNERS].tolist()
-        # Two modes may be dispensable together that are not so one by one.
-        for pair in self._promising(effects, list(combinations(out, 2)), self.limit):
-            if self._passes(kept - set(pair)):
-                return kept - set(pair)
+        # Two modes may be dispensable together, or beside a third one, that are not so one by one.
+        pairs = self._promising(effects, list(combinations(out, 2)), np.inf, _PARTNERS)
+        threes = [(*pair, k) for _, pair in pairs for k in into if self.sizes[k] < self.sizes[list(pair)].sum()]
+        for error, changed in [*pairs[:_TRIALS], *self._promising(effects, threes, self.limit)]:
+            if error <= _SLACK * self.limit and self._passes(kept ^ set(changed)):
+                return kept ^ set(changed)
         for k in out[:_STARTS]:
             now: frozenset[int] | None = kept - {k}
             for _ in range(_EXCHANGES):
@@ -289,12 +294,14 @@ class _Search:
         return None
 
     @staticmethod
-    def _promising(effects: Effects, sets: Sequence[tuple[int, ...]], limit: float) -> list[tuple[int, ...]]:
-        """Sets of changes whose predicted error is near a limit or below it, the smallest first."""
+    def _promising(
+        effects: Effects, sets: Sequence[tuple[int, ...]], limit: float, most: int = _TRIALS
+    ) -> list[tuple[float, tuple[int, ...]]]:
+        """Sets of changes whose predicted error is near a limit or below it, with this error, the smallest first."""
         if not sets:
             return []
-        predicted = effects.predicted(np.array(sets, dtype=np.int64), _SLACK * limit)
-        return [sets[k] for k in np.argsort(predicted, kind="stable")[:_TRIALS] if np.isfinite(predicted[k])]
+        error = effects.predicted(np.array(sets, dtype=np.int64), _SLACK * limit)
+        return [(float(error[k]), sets[k]) for k in np.argsort(error, kind="stable")[:most] if np.isfinite(error[k])]
 
     def _exchanged(self, kept: frozenset[int], among: Order, most: int) -> frozenset[int] | None:
         """Find a set of at most so many modes with one group exchanged and a smaller error."""
@@ -304,7 +311,7 @@ class _Search:
         sets = [(a, b) for a in out for b in into if self.sizes[b] - self.sizes[a] <= left]
         limit = (1 - _GAIN) * error
         effects = self.judge.effects(self.selection(kept), self.groups)
-        for pair in self._promising(effects, sets, limit):
+        for _, pair in self._promising(effects, sets, limit):
             other = kept ^ set(pair)
             if self._error(other, limit) <= limit:
                 return other
