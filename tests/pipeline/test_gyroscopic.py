@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import h5py
@@ -108,6 +109,9 @@ def test_wheels_and_rotors_against_dense_algebra(tmp_path: Path, dense: Dense) -
         assert (abs(still - wanted) > 0.02 * abs(wanted)).any()
         np.testing.assert_allclose(run.comparison.reference.response(each, omega)[:, -1, 0], wanted, rtol=1e-6)
         np.testing.assert_allclose(run.model.assembled.response(each, omega)[:, -1, 0], wanted, rtol=2e-3)
+    (note,) = [note for note in run.verification.notes(run.verified) if "gyroscopic" in note]
+    found = re.search(r"those of the reference to ([\d.]+) %", note)
+    assert found is not None and 0 < float(found[1]) < 0.1
 
 
 def test_whirl_of_a_rotor_on_springs(tmp_path: Path) -> None:
