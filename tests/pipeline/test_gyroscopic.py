@@ -16,7 +16,7 @@ from scipy.io import loadmat
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import SI, FEModel, cross_matrix, rigid_body_shapes, unresisted
 from cmsreduce.pipeline import execute
-from cmsreduce.pipeline.bodies.modal_input import reduced_body
+from cmsreduce.pipeline.bodies import reduced_body
 from cmsreduce.pipeline.results import floating_bodies, multibody_scene
 from cmsreduce.pipeline.system import system_roots
 from cmsreduce.read import in_dofs
