@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import h5py
@@ -13,10 +14,12 @@ from pyyeti.nastran import op4
 from scipy.io import loadmat
 
 from cmsreduce.errors import CmsReduceError
-from cmsreduce.model import FEModel, cross_matrix, rigid_body_shapes, unresisted
+from cmsreduce.model import SI, FEModel, cross_matrix, rigid_body_shapes, unresisted
 from cmsreduce.pipeline import execute
+from cmsreduce.pipeline.bodies import reduced_body
 from cmsreduce.pipeline.results import floating_bodies, multibody_scene
 from cmsreduce.pipeline.system import system_roots
+from cmsreduce.read import in_dofs
 from cmsreduce.simulate import scene_system
 from cmsreduce.write import convert, export_scene
 from tests.frames import Section, line
@@ -108,6 +111,9 @@ def test_wheels_and_rotors_against_dense_algebra(tmp_path: Path, dense: Dense) -
         assert (abs(still - wanted) > 0.02 * abs(wanted)).any()
         np.testing.assert_allclose(run.comparison.reference.response(each, omega)[:, -1, 0], wanted, rtol=1e-6)
         np.testing.assert_allclose(run.model.assembled.response(each, omega)[:, -1, 0], wanted, rtol=2e-3)
+    (note,) = [note for note in run.verification.notes(run.verified) if "gyroscopic" in note]
+    found = re.search(r"those of the reference to ([\d.]+) %", note)
+    assert found is not None and 0 < float(found[1]) < 0.1
 
 
 def test_whirl_of_a_rotor_on_springs(tmp_path: Path) -> None:
@@ -141,6 +147,14 @@ def test_files_and_time(tmp_path: Path) -> None:
             G = file["modes/gyroscopic"][()]
         (term,) = run.final[name].terms
         np.testing.assert_allclose(G, term.dense, atol=1e-12 * abs(G).max())
+    # As input, in other coordinates: the same rates of turning.
+    modal = reduced_body("arm", run.folder / "arm.h5", SI)
+    again = in_dofs(modal, {})
+    (term,), M = again.terms, again.M.toarray()
+    rates = la.eigvals(la.solve(M, term.dense)).imag
+    with h5py.File(run.folder / "arm.h5") as file:
+        expected = la.eigvals(la.solve(file["modes/mass"][()], file["modes/gyroscopic"][()])).imag
+    np.testing.assert_allclose(np.sort(rates), np.sort(expected), atol=1e-8 * expected.max())
     scene = multibody_scene(run.folder)
     system = scene_system(scene, floating_bodies(scene))
     y = system.projected(system.start({}, None, {}))

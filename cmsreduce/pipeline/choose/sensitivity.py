@@ -10,7 +10,8 @@ import numpy as np
 from cmsreduce.assemble import body_ports
 from cmsreduce.balance import Selection
 from cmsreduce.errors import CmsReduceError
-from cmsreduce.model import ModalComponent, Scene, SensitivityCase, SensitivityRecord, Substructure
+from cmsreduce.linalg.blocks import dense
+from cmsreduce.model import ModalComponent, Scene, SensitivityCase, SensitivityRecord, Substructure, is_gyroscopic
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
 
@@ -138,9 +139,14 @@ def _numbered(selection: Selection) -> dict[str, tuple[int, ...]]:
 
 
 def _damped(sub: Substructure, factor: float) -> Substructure:
+    D = None if sub.D is None else factor * sub.D
+    if D is not None and sub.D is not None and is_gyroscopic(sub.D):
+        # Gyroscopic forces, the skew part, are no damping.
+        whole = dense(sub.D)
+        D = factor * whole + (0.5 - 0.5 * factor) * (whole - whole.T)
     return replace(
         sub,
-        D=None if sub.D is None else factor * sub.D,
+        D=D,
         loss=None if sub.loss is None else factor * sub.loss,
         terms=tuple(replace(term, matrix=factor * term.matrix) if term.letter == "D" else term for term in sub.terms),
     )

@@ -93,6 +93,7 @@ class Verification:
         if (keys := self.run.pipeline.verify) is not None and keys.required_checks:
             yield from (f"not checked: {missing}" for missing in found.checks.left_out)
         yield from _between_notes(found.between)
+        yield from self._whirl_note(found)
         for name, label in found.reference.items():
             if label.startswith("modes"):
                 dofs = self.run.bodies[name].body.n
@@ -100,6 +101,25 @@ class Verification:
                     f"{name}: {dofs} dofs are too many for all modes or for a solve per frequency; "
                     f"the reference model holds {label} and all static shapes of it"
                 )
+
+    def _whirl_note(self, found: Verified) -> Iterator[str]:
+        """Largest error of the complex modes where gyroscopic forces make them unlike the modes at rest."""
+        worst, hz, where = -1.0, 0.0, ""
+        for result in found.configurations:
+            errors = next(iter(result.errors.values()), None)
+            if errors is None or errors.damped is None or not errors.damped.full.size:
+                continue
+            if self.run.model.assembled.system(result.configuration).gyroscopic:
+                shift = abs(errors.damped.reduced - errors.damped.full) / abs(errors.damped.full)
+                if shift.max() > worst:
+                    worst, at = float(shift.max()), int(shift.argmax())
+                    hz, where = float(errors.damped.full_hz[at]), result.configuration.name
+        if worst >= 0:
+            yield (
+                f"gyroscopic forces: complex modes in the band are those of the reference to {100 * worst:.2g} %, the "
+                f"worst at {hz:.4g} Hz in '{where}'; `complex_modes` in summary.json lists both, `frequency_error` is "
+                "at rest"
+            )
 
     def _between(self) -> BetweenErrors | None:
         """Errors at midpoint configurations; None without a verify stage, or if the project stage measured them."""

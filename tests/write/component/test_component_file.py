@@ -219,7 +219,9 @@ def test_every_path_on_the_page_is_in_the_file(tmp_path, component):
     page, _, _ = PAGE.read_text().partition("## system.h5")
     table = [line for line in page.splitlines() if line.startswith("| `")]
     pulled, costly = stressed(component.body), CostlyModes((CostlyMode(4, 9.0, "fixed", 1e-5),), 3.0, 2.0, 1e-3)
-    terms = (ParameterTerm("end", "M", np.eye(component.omega.size)),)
+    m = component.omega.size
+    skew = np.triu(np.ones((m, m)), 1) - np.tril(np.ones((m, m)), -1)
+    terms = (ParameterTerm("end", "M", np.eye(m)), ParameterTerm("", "G", skew, 0))
     component = replace(component, terms=terms)
     with h5py.File(written(tmp_path / "chain.h5", component, stiffening=pulled, costly=costly)) as file:
         for line in table:
