@@ -77,9 +77,8 @@ class SceneShapes:
         return (
             f"{name}: {self.shapes[name].shape[1]} static shapes and responses of the scene at {len(self.hz)} "
             f"frequencies; frf_error is estimated at {self.estimate:.2g} in '{self.where}', {self._aim}, and at "
-            f"{len(self.checked)} frequencies with the largest estimates, solves of the bodies found at most {off:.3g} "
-            "times the estimated error. These shapes serve this scene; for other loads, sensors or bands use "
-            "craig-bampton"
+            f"{len(self.checked)} of them solves of the bodies found at most {off:.3g} times the estimated error. "
+            "They serve this scene; for other loads, sensors or bands use craig-bampton"
         )
 
 
@@ -161,18 +160,18 @@ class SceneBasis:
         return self._worst(self._model(), self._model(richer=True)).error
 
     def run(self) -> SceneShapes:
-        """Add points until the estimate is below a tenth of the limit, and a solve at its largest value confirms it."""
+        """Add points until the estimate is below a tenth of the limit, and the last solve agreed with its estimate."""
         checked, allowed = list[tuple[float, float, float]](), _SHARE * self._limit
         self.start()
         while True:
             less, more = self._model(), self._model(richer=True)
             worst = self._worst(less, more)
-            self.points.append(self._next(worst, more))
-            error, estimate = self._add(self.points[-1], less, worst)
-            checked.append((self.points[-1] / (2 * np.pi), error, estimate))
-            confirmed = error <= ESTIMATE_FACTOR * max(estimate, allowed)
-            if (worst.error <= allowed and confirmed) or len(self.points) >= _MOST:
+            if checked and (
+                len(self.points) >= _MOST or (worst.error <= allowed and _agree(*checked[-1][1:], allowed))
+            ):
                 break
+            self.points.append(self._next(worst, more))
+            checked.append((self.points[-1] / (2 * np.pi), *self._add(self.points[-1], less, worst)))
         return SceneShapes(
             {name: body.shapes for name, body in self.bodies.items()},
             tuple(w / (2 * np.pi) for w in self.points),
@@ -259,6 +258,10 @@ class SceneBasis:
 
     def _reduced(self, omega: float, *, richer: bool) -> dict[str, Real | Complex]:
         return {name: body.reduced_flexibility(omega, richer=richer) for name, body in self.bodies.items()}
+
+
+def _agree(error: float, estimate: float, allowed: float) -> bool:
+    return error <= ESTIMATE_FACTOR * max(estimate, allowed)
 
 
 def _joined(rest: Complex, sides: Mapping[str, tuple[Real, ...]], own: Mapping[str, Real | Complex]) -> Complex:
