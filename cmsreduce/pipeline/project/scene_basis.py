@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import JoinedRows, PointStack, body_receptances
-from cmsreduce.errors import ConfigError
+from cmsreduce.errors import ConfigError, SceneError
 from cmsreduce.model import Configuration, Scene, Substructure
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
@@ -134,7 +134,8 @@ class SceneBasis:
         self._order = [name for name in scene.bodies if name in subs]
         self._wired = AssembledModel({name: subs[name] for name in self._order}, scene)
         span = ArticulationRange(scene)
-        self.configurations = [*scene.configurations, *([] if span.is_point else span.points(_BETWEEN))]
+        between = [] if span.is_point else span.points(_BETWEEN)
+        self.configurations = [*scene.configurations, *(each for each in between if self._fits(each))]
         wirings = [self._wired.wiring(each) for each in self.configurations]
         self._columns = {name: self._wired.stack.body_columns(name) for name in bodies}
         self.points: list[float] = []
@@ -147,6 +148,14 @@ class SceneBasis:
             acting = _orthonormal_rows(rows)
             loads = _static_loads(each, alone[name], acting)
             self.bodies[name] = ResponseBody(each.body, each.rigid, alone[name], acting, loads)
+
+    def _fits(self, configuration: Configuration) -> bool:
+        """The loops of the scene close at these angles."""
+        try:
+            self._wired.wiring(configuration)
+        except SceneError:
+            return False
+        return True
 
     def start(self) -> None:
         """Add the static responses to the inertia of the static shapes: zero is the first point, and has its factor."""
