@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.linalg as la
@@ -106,7 +107,9 @@ class ShapeSearch:
 
     def given(self, counts: Mapping[str, int]) -> Settled:
         """Optimise a given number of shapes of each body, from the best of several starts."""
-        return self._from_best([*(self._leading(mix, counts) for mix in _MIXES), self._from_more(counts)])
+        # The last start takes as long as a round: it is made if the others fail.
+        starts = [*(partial(self._leading, mix, counts) for mix in _MIXES), partial(self._from_more, counts)]
+        return self._from_best(start() for start in starts)
 
     def distributed(self, total: int) -> Settled:
         """Optimise a given number of shapes of all bodies together; their energies distribute them."""
@@ -205,7 +208,7 @@ class ShapeSearch:
             self._directions[mix] = energy_shapes(self.scene, mix)
         return self._directions[mix]
 
-    def _from_best(self, starts: Sequence[Shapes]) -> Settled:
+    def _from_best(self, starts: Iterable[Shapes]) -> Settled:
         """Optimise every start for one round, and the best of them further."""
         first = []
         for start in starts:

@@ -70,6 +70,11 @@ def _to_improve(run: RunResult, found: Finding) -> str:
         keys = run.settings.get("verify", {}).get("compare", {}).get(label, {}).get("reduce")
         if keys:
             return f"the compared model '{label}' meets this limit: `reduce: {_flow(keys)}`"
+    if {part.modes.method for part in parts} == {"scene"}:
+        return (
+            "scene shapes are made for `frf_error`: state a smaller limit of it, which they are made for then, or take "
+            "`reduce: {method: macneal-rubin}`"
+        )
     every = "all modes of the mode sets"
     found_by = f"the search could choose among {every}" if searched else f"{every} were kept"
     if (cutoff := _cutoff(run)) is None:

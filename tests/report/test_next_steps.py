@@ -37,6 +37,13 @@ def test_then_the_cutoff(make_run: MakeRun, reduce: dict[str, Any], says: str) -
     assert "all modes of the mode sets were kept" in step and says in step
 
 
+def test_scene_shapes_have_no_cutoff_to_raise(make_run: MakeRun) -> None:
+    run = all_kept(make_run(limits={"frf_error": 0.001}))
+    parts = {name: replace(part, modes=replace(part.modes, method="scene")) for name, part in run.components.items()}
+    (step,) = next_steps(replace(run, components=parts))
+    assert step.startswith("scene shapes are made for `frf_error`") and "cutoff" not in step
+
+
 def test_a_compared_mode_set_that_meets_the_limit_is_named(make_run: MakeRun) -> None:
     keys = {"method": "macneal-rubin", "cutoff": 2.0}
     settings = {"reduce": {"cutoff": 2.0}, "verify": {"compare": {"better": {"reduce": keys}}}}

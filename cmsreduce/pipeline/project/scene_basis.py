@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import JoinedRows, PointStack, body_receptances
-from cmsreduce.errors import ConfigError
+from cmsreduce.errors import ConfigError, SceneError
 from cmsreduce.model import Configuration, Scene, Substructure
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
@@ -77,9 +77,8 @@ class SceneShapes:
         return (
             f"{name}: {self.shapes[name].shape[1]} static shapes and responses of the scene at {len(self.hz)} "
             f"frequencies; frf_error is estimated at {self.estimate:.2g} in '{self.where}', {self._aim}, and at "
-            f"{len(self.checked)} frequencies with the largest estimates, solves of the bodies found at most {off:.3g} "
-            "times the estimated error. These shapes serve this scene; for other loads, sensors or bands use "
-            "craig-bampton"
+            f"{len(self.checked)} of them solves of the bodies found at most {off:.3g} times the estimated error. "
+            "They serve this scene; for other loads, sensors or bands use craig-bampton"
         )
 
 
@@ -135,7 +134,8 @@ class SceneBasis:
         self._order = [name for name in scene.bodies if name in subs]
         self._wired = AssembledModel({name: subs[name] for name in self._order}, scene)
         span = ArticulationRange(scene)
-        self.configurations = [*scene.configurations, *([] if span.is_point else span.points(_BETWEEN))]
+        between = [] if span.is_point else span.points(_BETWEEN)
+        self.configurations = [*scene.configurations, *(each for each in between if self._fits(each))]
         wirings = [self._wired.wiring(each) for each in self.configurations]
         self._columns = {name: self._wired.stack.body_columns(name) for name in bodies}
         self.points: list[float] = []
@@ -149,6 +149,14 @@ class SceneBasis:
             loads = _static_loads(each, alone[name], acting)
             self.bodies[name] = ResponseBody(each.body, each.rigid, alone[name], acting, loads)
 
+    def _fits(self, configuration: Configuration) -> bool:
+        """The loops of the scene close at these angles."""
+        try:
+            self._wired.wiring(configuration)
+        except SceneError:
+            return False
+        return True
+
     def start(self) -> None:
         """Add the static responses to the inertia of the static shapes: zero is the first point, and has its factor."""
         if not self.points:
@@ -161,18 +169,18 @@ class SceneBasis:
         return self._worst(self._model(), self._model(richer=True)).error
 
     def run(self) -> SceneShapes:
-        """Add points until the estimate is below a tenth of the limit, and a solve at its largest value confirms it."""
+        """Add points until the estimate is below a tenth of the limit, and the last solve agreed with its estimate."""
         checked, allowed = list[tuple[float, float, float]](), _SHARE * self._limit
         self.start()
         while True:
             less, more = self._model(), self._model(richer=True)
             worst = self._worst(less, more)
-            self.points.append(self._next(worst, more))
-            error, estimate = self._add(self.points[-1], less, worst)
-            checked.append((self.points[-1] / (2 * np.pi), error, estimate))
-            confirmed = error <= ESTIMATE_FACTOR * max(estimate, allowed)
-            if (worst.error <= allowed and confirmed) or len(self.points) >= _MOST:
+            if checked and (
+                len(self.points) >= _MOST or (worst.error <= allowed and _agree(*checked[-1][1:], allowed))
+            ):
                 break
+            self.points.append(self._next(worst, more))
+            checked.append((self.points[-1] / (2 * np.pi), *self._add(self.points[-1], less, worst)))
         return SceneShapes(
             {name: body.shapes for name, body in self.bodies.items()},
             tuple(w / (2 * np.pi) for w in self.points),
@@ -259,6 +267,10 @@ class SceneBasis:
 
     def _reduced(self, omega: float, *, richer: bool) -> dict[str, Real | Complex]:
         return {name: body.reduced_flexibility(omega, richer=richer) for name, body in self.bodies.items()}
+
+
+def _agree(error: float, estimate: float, allowed: float) -> bool:
+    return error <= ESTIMATE_FACTOR * max(estimate, allowed)
 
 
 def _joined(rest: Complex, sides: Mapping[str, tuple[Real, ...]], own: Mapping[str, Real | Complex]) -> Complex:
