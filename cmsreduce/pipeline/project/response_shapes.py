@@ -281,6 +281,13 @@ class ResponseShapes:
                 f"project: at {len(between)} configurations of the articulation's range that were not optimised, the "
                 f"worst frf_error is {worst[0]:.3g}, the worst db_error {worst[1]:.3g} dB"
             )
+            if (worst > (self.limits.frf_error, self.limits.db_error)).any():
+                notes.append(
+                    f"project: the limits do not hold in the whole range after {_ADDITIONS} rounds of added "
+                    "configurations: name the worst ones in `scene.articulation`, or allow larger errors"
+                    if self.keys.responses == "auto"
+                    else "project: the limits do not hold in the whole range; ask for more shapes, or for `auto`"
+                )
         name, estimate, bound = certificate.worst
         off = max((each.error / each.estimate for each in certificate.solved if each.estimate), default=0.0)
         notes.append(
