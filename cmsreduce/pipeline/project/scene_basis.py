@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import JoinedRows, PointStack, body_receptances
 from cmsreduce.errors import ConfigError, SceneError
-from cmsreduce.model import Configuration, Scene, Substructure
+from cmsreduce.model import Configuration, Scene, Substructure, is_gyroscopic
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
 from cmsreduce.pipeline.system import AssembledModel
@@ -38,6 +38,7 @@ _APART, _BESIDE = 2e-3, 0.02
 _BETWEEN = 6
 # Loads and motions whose part beyond the others is a smaller share are the same.
 _SAME = 1e-9
+_SKEW = "has gyroscopic forces, and scene shapes need symmetric matrices; use craig-bampton or macneal-rubin"
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +128,7 @@ class SceneBasis:
         scene: Scene,
         limit: float,
     ) -> None:
-        _refuse(bodies, scene)
+        _refuse(bodies, others, scene)
         self.scene, self._others, self._limit = scene, others, limit
         alone = {name: replace(each, body=each.undamped).substructure(scene) for name, each in bodies.items()}
         subs = {**others, **alone}
@@ -278,7 +279,7 @@ def _joined(rest: Complex, sides: Mapping[str, tuple[Real, ...]], own: Mapping[s
     return np.asarray(rest + sum(left @ own[name] @ right.T for name, (left, right) in sides.items()))
 
 
-def _refuse(bodies: Mapping[str, FlexibleBody], scene: Scene) -> None:
+def _refuse(bodies: Mapping[str, FlexibleBody], others: Mapping[str, Substructure], scene: Scene) -> None:
     if not (scene.actuators and scene.sensors):
         raise ConfigError(
             "reduce: method scene needs a response: name at least one actuator and one sensor in the scene"
@@ -288,6 +289,9 @@ def _refuse(bodies: Mapping[str, FlexibleBody], scene: Scene) -> None:
             "reduce: method scene does not take scene.parameters, which change the matrices of bodies or joints; use "
             "craig-bampton or macneal-rubin"
         )
+    for name, sub in others.items():
+        if is_gyroscopic(sub.D):
+            raise ConfigError(f"reduce: method scene: body '{name}' {_SKEW}")
     for name, each in bodies.items():
         why = _unfit(each)
         if why:
@@ -298,7 +302,7 @@ def _unfit(flexible: FlexibleBody) -> str | None:
     """Reason why a body has no scene shapes."""
     body = flexible.body
     if any(term.gyroscopic for term in body.terms):
-        return "has gyroscopic forces, and scene shapes need symmetric matrices; use craig-bampton or macneal-rubin"
+        return _SKEW
     if body.D is None:
         if body.damping.law == "none":
             return "has no damping, so that its responses are infinite at resonances; give it `damping:`"
