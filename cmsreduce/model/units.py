@@ -154,8 +154,8 @@ class Units:
 
         Examples
         --------
-        >>> [Units.parse(each).force_name for each in ("SI", "mm-t-s", "in-slinch-s", "mm-kg-s")]
-        ['N', 'N', 'lbf', 'kg mm/s²']
+        >>> [Units.parse(each).force_name for each in ("SI", "mm-t-s", "in-slinch-s", "mm-kg-s", "cm-kg-s")]
+        ['N', 'N', 'lbf', 'mN', 'kg cm/s²']
         """
         known = units_of("force")
         length, mass, time = self.name.split("-")
