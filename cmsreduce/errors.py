@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from importlib import import_module
+from typing import Any
 
 __all__ = [
     "CmsReduceError",
@@ -20,6 +22,7 @@ __all__ = [
     "WriteError",
     "closest",
     "not_among",
+    "optional_library",
 ]
 
 # At a lower similarity, unrelated words are suggested.
@@ -112,3 +115,30 @@ def not_among(what: str, word: str, known: Iterable[str]) -> str:
     meant = closest(word, names)
     guess = f", did you mean '{meant}'?" if meant else "."
     return f"there is no {what} '{word}'{guess} There are: {', '.join(names) or 'none'}"
+
+
+def optional_library(module: str, package: str, use: str) -> Any:
+    """Import a library that the core of the program does without.
+
+    Parameters
+    ----------
+    module : str
+        Name of the module.
+    package : str
+        Name that pip installs it by.
+    use : str
+        What needs it, in the plural: ``plots in Python``.
+
+    Raises
+    ------
+    CmsReduceError
+        If it is not installed; the message says how to install it.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] != module.partition(".")[0]:
+            raise
+        raise CmsReduceError(
+            f"{use} need the library {package}, which is not installed: pip install {package}"
+        ) from error

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from cmsreduce.errors import SceneError, StageError, not_among
+from cmsreduce.errors import SceneError, StageError, not_among, optional_library
 from cmsreduce.model import ERRORS, MultibodyScene, RunResult, Verdict
 from cmsreduce.pipeline import STAGES, Run, execute
 from cmsreduce.pipeline.batch import opened_run
-from cmsreduce.pipeline.results import floating_bodies, multibody_scene
-from cmsreduce.report import Output
+from cmsreduce.pipeline.results import floating_bodies, multibody_scene, run_result
+from cmsreduce.report import Output, Plots, csv_tables, html_card, run_card
 from cmsreduce.simulate import Law, Method, Motion, simulate_scene
 from cmsreduce.steps import AssembledSystem, Component
 from cmsreduce.write import summary
@@ -31,6 +31,13 @@ class _Bodies(dict[str, Component]):
 
     def __missing__(self, name: object) -> Component:
         raise SceneError(not_among("reduced body", str(name), self))
+
+
+class _Summary(dict[str, Any]):
+    """Content of summary.json, which is too long to show."""
+
+    def __repr__(self) -> str:
+        return f"<summary of {self.get('name')}: {', '.join(self)}>"
 
 
 class FinishedRun:
@@ -79,7 +86,7 @@ class FinishedRun:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Content of summary.json."""
-        return summary(self.result)
+        return _Summary(summary(self.result))
 
     @cached_property
     def components(self) -> dict[str, Component]:
@@ -93,15 +100,39 @@ class FinishedRun:
         ``frf_error`` and ``frequency_error`` are fractions, ``db_error`` is in dB; ``n_full`` and ``n_reduced`` are
         coordinates of the reference model and of the reduced system.
         """
-        import pandas as pd
-
+        pandas = optional_library("pandas", "pandas", "tables in Python")
         result = self.result
         rows = {
             each.configuration.name: {name: getattr(each.errors[result.model], name) for name in ERRORS}
             | {"n_full": each.n_full, "n_reduced": each.n_reduced}
             for each in result.configurations
         }
-        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("configuration")
+        frame: pd.DataFrame = pandas.DataFrame.from_dict(rows, orient="index").rename_axis("configuration")
+        return frame
+
+    @cached_property
+    def plot(self) -> Plots:
+        """Plots of the run: ``bode("motor", "gyro.rz")``, ``error_cost()``, ``mac()``, ``ranking()``, ``modes()``.
+
+        Each is a figure of plotly.
+        """
+        whole = self.result
+        return Plots(whole if whole.drawing is not None else run_result(self.work, views=True))
+
+    def table(self, name: str = "errors") -> pd.DataFrame:
+        """A table of the report as numbers: errors, modes, frequencies, checks, timings, gains, completeness ...
+
+        Raises
+        ------
+        SceneError
+            If the run has no such table; the message lists those that it has.
+        """
+        pandas, tables = optional_library("pandas", "pandas", "tables in Python"), csv_tables(self.result)
+        if name not in tables:
+            raise SceneError(not_among("table", name, tables))
+        head, *rows = tables[name]
+        frame: pd.DataFrame = pandas.DataFrame(rows, columns=head)
+        return frame
 
     @property
     def configurations(self) -> tuple[str, ...]:
@@ -118,6 +149,12 @@ class FinishedRun:
         """
         first = AssembledSystem(self.work.model.assembled, self.work.scene.configurations[0])
         return first if configuration is None else first.at(configuration)
+
+    def _repr_html_(self) -> str:
+        """Verdict and main figures as a card of a notebook."""
+        if self._result is None:
+            return html_card(self.work.pipeline.name, "stopped early", [("folder", str(self.folder))])
+        return run_card(self._result)
 
     def __repr__(self) -> str:
         name, count = self.work.pipeline.name, len(self.configurations)

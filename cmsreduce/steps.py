@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from cmsreduce.assemble import body_points, body_ports, modal_substructure, rigid_substructure, state_space
 from cmsreduce.balance import Ranking
 from cmsreduce.config import Pipeline, build_scene, parse_ratio, pipeline_from_keys
-from cmsreduce.errors import ConfigError, DampingError, DofMapError, SceneError, UnitsError, not_among
+from cmsreduce.errors import ConfigError, DampingError, DofMapError, SceneError, UnitsError, not_among, optional_library
 from cmsreduce.model import SI, Configuration, Damping, FEModel, ModalComponent, ReducedComponent, Units
 from cmsreduce.orthogonalise import orthogonalise as orthonormal_modes
 from cmsreduce.pipeline.bodies import read_rigid
@@ -62,10 +62,14 @@ class Component(ModalComponent):
     @property
     def table(self) -> pd.DataFrame:
         """One row a mode: frequency in Hz, damping ratio, kind, influence coefficient, and why it is kept."""
-        import pandas as pd
-
+        pandas = optional_library("pandas", "pandas", "tables in Python")
         columns = {"damping_ratio": self.zeta, "kind": self.kind, "coefficient": self.sigma, "why": self.why}
-        return pd.DataFrame({"frequency_hz": self.frequencies_hz, **columns}).rename_axis("mode")
+        frame: pd.DataFrame = pandas.DataFrame({"frequency_hz": self.frequencies_hz, **columns}).rename_axis("mode")
+        return frame
+
+    def to_frame(self) -> pd.DataFrame:
+        """The same as `table`."""
+        return self.table
 
     def shapes(self, point: str | int) -> NDArray[np.float64]:
         """Translation and rotation of a point in each mode, along the basic axes of the body.

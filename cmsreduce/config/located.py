@@ -126,19 +126,31 @@ def parse(text: str, source: str, folder: Path, in_override: bool = False) -> En
     return Entry(None, where) if node is None else Entry(reader.value(node, "", ()), where)
 
 
+# Words of the library, and what they mean for the user; {} is the line where the mapping or the bracket starts.
+_SYNTAX = (
+    ("\\t", "a tab stands here; YAML is indented with spaces, not with tabs"),
+    ("but found '<block", "the indentation fits no key above: keys of one mapping start in the same column"),
+    (
+        "could not find expected ':'",
+        "line {} has no ': ' after its key: write KEY: VALUE, with a blank after the colon",
+    ),
+    (
+        "mapping values are not allowed",
+        "a ':' where no key can be: a text that holds ': ' needs quotes, a colon a blank after it (see the line above, "
+        "too), and keys of one mapping the same indentation",
+    ),
+    ("expected ',' or '", "the bracket that opens in line {} is not closed, or a comma is missing before this place"),
+    ("another document", "a second document starts here; a pipeline is one document, without '---' inside"),
+)
+
+
 def _refuse_syntax(error: MarkedYAMLError, source: str, in_override: bool) -> NoReturn:
-    mark = error.problem_mark or error.context_mark
+    mark, start = error.problem_mark or error.context_mark, error.context_mark
     where = source if mark is None or in_override else f"{source}:{mark.line + 1}:{mark.column + 1}"
-    parts = [part for part in (error.context, error.problem) if part]
-    problem = ", ".join(parts) or "the text cannot be read"
-    remedy = ""
-    if "\\t" in problem:
-        remedy = "; YAML is indented with spaces, not with tabs"
-    elif "mapping values are not allowed" in problem:
-        remedy = "; a text that holds ': ' needs quotes, and keys of one mapping the same indentation"
-    elif "another document" in problem:
-        remedy = "; a pipeline is one document, without '---' inside"
-    raise ConfigError(f"{where}: YAML syntax: {problem}{remedy}") from None
+    problem = ", ".join(part for part in (error.context, error.problem) if part) or "the text cannot be read"
+    known = (words for found, words in _SYNTAX if found in problem)
+    words = next(known, problem).format("?" if start is None else start.line + 1)
+    raise ConfigError(f"{where}: YAML syntax: {words}") from None
 
 
 class _ShallowComposer(Composer):
@@ -210,6 +222,10 @@ class _Reader:
             if name in own:
                 raise ConfigError(f"{where}: key '{inner}' is given twice, first in line {own[name].where.line}")
             if isinstance(item, ScalarNode) and item.tag == _TAG + "null" and not item.value:
+                if name.isdigit() and own:
+                    raise ConfigError(
+                        f"{where}: '{path}' has a decimal comma before {name}: numbers have a point, such as 5.{name}"
+                    )
                 raise ConfigError(
                     f"{where}: key '{inner}' has no value: write {{}} to take the defaults, null to leave it out"
                 )
@@ -234,6 +250,12 @@ class _Reader:
             where = self.location(node.start_mark.line)
             raise ConfigError(f"{where}: key '{path}' has {len(text)} characters, {_LONGEST_SCALAR} at most are read")
         if node.tag in _TEXT_TAGS:
+            if isinstance(node, ScalarNode) and node.style == '"' and min(text, default=" ") < " ":
+                where = self.location(node.start_mark.line)
+                raise ConfigError(
+                    f"{where}: key '{path}': a backslash in double quotes starts a sign of its own, as in {text!r}: "
+                    "write the path with / or in single quotes"
+                )
             return Text.at(text, self.folder)
         if node.tag == _TAG + "null":
             return None

@@ -182,6 +182,15 @@ class Channel:
     quantity: Literal["translation", "rotation", "combination"]
     rate: bool = False
 
+    def motion_unit(self, units: Units) -> str:
+        """Unit that a sensor measures in, such as ``rad/s``; empty for a combination of motions."""
+        unit = {"translation": units.length_name, "rotation": "rad"}.get(self.quantity, "")
+        return f"{unit}/s" if unit and self.rate else unit
+
+    def effort_unit(self, units: Units) -> str:
+        """Unit of an actuator's effort, such as ``N m``; empty for a combination of force and moment."""
+        return {"translation": units.force_name, "rotation": units.moment_name}.get(self.quantity, "")
+
 
 @dataclass(frozen=True)
 class Joint:

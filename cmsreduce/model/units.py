@@ -143,6 +143,29 @@ class Units:
         """Joules in one unit of energy, also newton-metres in one unit of moment."""
         return self.force * self.length
 
+    @property
+    def length_name(self) -> str:
+        """Name of the unit of length."""
+        return self.name.split("-")[0]
+
+    @property
+    def force_name(self) -> str:
+        """Name of the unit of force, made of the other units if it has none of its own.
+
+        Examples
+        --------
+        >>> [Units.parse(each).force_name for each in ("SI", "mm-t-s", "in-slinch-s", "mm-kg-s", "cm-kg-s")]
+        ['N', 'N', 'lbf', 'mN', 'kg cm/s²']
+        """
+        known = units_of("force")
+        length, mass, time = self.name.split("-")
+        return next((name for name in known if math.isclose(known[name], self.force)), f"{mass} {length}/{time}²")
+
+    @property
+    def moment_name(self) -> str:
+        """Name of the unit of moment: ``N m``."""
+        return f"{self.force_name} {self.length_name}"
+
 
 SI = Units("m-kg-s", 1.0, 1.0, 1.0)
 """Metre, kilogram, second."""

@@ -14,7 +14,7 @@ from typing import Any
 
 from cmsreduce.linalg.machine import available_memory, usable_cores
 from cmsreduce.linalg.sparse import installed_backends
-from cmsreduce.multifrontal import compiled_folder, lacks
+from cmsreduce.multifrontal import lacks
 
 __all__ = ["EnvironmentLine", "environment"]
 
@@ -105,6 +105,9 @@ def _solvers() -> Iterator[EnvironmentLine]:
     if lacks():
         yield EnvironmentLine("compiled loops", None, "none: the multifrontal solver cannot be used here", lacks())
         return
+    # This loads numba, which no run does that does not need it.
+    from cmsreduce.multifrontal import compiled_folder
+
     folder = compiled_folder()
     compiled = sum(1 for _ in folder.rglob("*.nbi"))
     advice = "" if compiled else "`cmsreduce doctor --compile` makes them, or the first large body, in twenty seconds"

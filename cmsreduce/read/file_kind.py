@@ -250,11 +250,18 @@ def expect_kind(path: Path, wanted: str) -> None:
         With the kind of the file and the next step.
     """
     kinds, words = _WANTED[wanted]
+    if path.is_dir() and wanted != "result":
+        found = sorted(path.glob(_FILES_OF[wanted]))[:_NAMED_IN_HDF5]
+        rest = f"name the file in it: {', '.join(map(str, found))}" if found else "it has no such file"
+        raise ReadError(f"{path}: this is a folder, not {words}; {rest}")
     if not path.is_file():
         return
     kind = file_kind(path)
     if kind.name not in (*kinds, "empty", "unknown"):
         raise ReadError(f"{path}: this is {kind.words}, not {words}: {kind.step or _INSPECT.format(path=path)}")
+
+
+_FILES_OF = {"pipeline": "*.y*ml", "component": "*.h5"}
 
 
 def _hdf5_kind(path: Path) -> FileKind:

@@ -4,12 +4,14 @@ Words, tables and plots belong here.
 Numbers are computed in `verify` and collected in `pipeline.results`.
 """
 
+from cmsreduce.report.cards import html_card, run_card
 from cmsreduce.report.ci import finding_data, junit_xml, markdown_summary, print_findings
 from cmsreduce.report.csv_tables import csv_tables
 from cmsreduce.report.page import render_report, start_packing
 from cmsreduce.report.pareto import trades
 from cmsreduce.report.pictures import (
     FIGURE_NAMES,
+    Plots,
     figure_pictures,
     response_picture,
     run_pictures,
@@ -41,6 +43,7 @@ __all__ = [
     "FIGURE_NAMES",
     "InspectedLine",
     "Output",
+    "Plots",
     "RANKINGS_WIDTH",
     "SWEEP_WIDTH",
     "check_line",
@@ -49,6 +52,7 @@ __all__ = [
     "file_name",
     "finding_data",
     "health_lines",
+    "html_card",
     "junit_xml",
     "markdown_summary",
     "meaning",
@@ -64,6 +68,7 @@ __all__ = [
     "print_sweep",
     "render_report",
     "response_picture",
+    "run_card",
     "run_pictures",
     "start_packing",
     "sweep_data",

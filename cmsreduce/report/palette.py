@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["FULL", "INK", "LIMIT", "LineStyle", "model_style"]
+__all__ = ["COLOURS", "FULL", "INK", "LIMIT", "LineStyle", "model_style"]
 
 INK = "#1f2328"
 """Text and axes."""
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Colours of bodies and motions."""
 
 LIMIT = "#6e7781"
 """Colour of limit lines."""

@@ -29,6 +29,7 @@ HEAVY = (
 NOT_OF_A_PLAIN_RUN = (
     "scipy.optimize", "scipy.stats", "scipy.special", "scipy.fft", "scipy.spatial", "scipy.signal", "scipy.integrate",
     "scipy.interpolate", "pandas", "matplotlib", "meshio", "control", "pyyeti.nastran", "plotly.offline", "distributed",
+    "numba",
 )  # fmt: skip
 ROOT = Path(__file__).parents[2]
 
@@ -69,6 +70,16 @@ def test_a_plain_run_loads_no_library_that_it_does_not_use(pipeline: str, study:
     said = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"
     assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_a_run_does_without_the_libraries_of_large_bodies_and_pictures(study: Path, tmp_path: Path) -> None:
+    """Its verdict is the same: SuperLU takes the place of the multifrontal solver."""
+    asked = ["run", str(study), "--out", str(tmp_path / "out"), "--quiet"]
+    absent = ["numba", "llvmlite", "pymetis", "sksparse", "pandas", "matplotlib"]
+    call = f"import sys; sys.modules.update(dict.fromkeys({absent!r}))\nfrom cmsreduce.cli import main; main({asked!r})"
+    said = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stderr
+    assert "plotly" in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_version() -> None:

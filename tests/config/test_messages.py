@@ -248,7 +248,11 @@ def test_of_many_mistakes_ten_are_listed(edited):
 @pytest.mark.parametrize(
     ("text", "where", "words"),
     [
-        ("name: p\nscene: {band: 1\nreduce: {}\n", ":3:7", "YAML syntax: while parsing a flow mapping"),
+        (
+            "name: p\nscene: {band: 1\nreduce: {}\n",
+            ":3:7",
+            "YAML syntax: the bracket that opens in line 2 is not closed",
+        ),
         ("name: p\nscene:\n\tband: 1\n", ":3:1", "YAML is indented with spaces, not with tabs"),
         ("name: a: b\n", ":1:8", "a text that holds ': ' needs quotes"),
         ("name: p\n---\nname: q\n", ":2:1", "a pipeline is one document"),

@@ -40,12 +40,9 @@ class Opened:
     faults: list[str] = field(default_factory=list)
 
     def draw_all(self) -> None:
-        """Draw what has not come into view."""
+        """Open and draw all, as for a printer."""
         self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
-        self.page.evaluate(
-            "document.documentElement.dataset.still = 1;"
-            "dispatchEvent(new Event('beforeprint')); dispatchEvent(new Event('afterprint'))"
-        )
+        self.page.evaluate("document.documentElement.dataset.still = 1; dispatchEvent(new Event('beforeprint'))")
 
     def choose(self, select: str, value: str) -> None:
         """Choose an option as a user does."""
@@ -86,9 +83,10 @@ def launched() -> Iterator[Any]:
 
 
 @contextmanager
-def opened(browser: Any, path: Path) -> Iterator[Opened]:
-    """Open a file in a window of 1300 x 900 pixels; the network is cut off."""
-    context = browser.new_context(viewport={"width": 1300, "height": 900}, offline=True, accept_downloads=True)
+def opened(browser: Any, path: Path, width: int = 1300, **context: Any) -> Iterator[Opened]:
+    """Open a file in a window of 900 pixels height; the network is cut off."""
+    size = {"width": width, "height": 900}
+    context = browser.new_context(viewport=size, offline=True, accept_downloads=True, **context)
     found = Opened(context.new_page())
     found.watch()
     found.page.goto(path.as_uri())

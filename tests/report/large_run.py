@@ -127,6 +127,9 @@ def large_run(
         model="reduced",
         inputs=tuple(f"push {i}" for i in range(inputs)),
         outputs=tuple(f"probe {o}" for o in range(outputs)),
+        input_units=("N m",) * inputs,
+        output_units=("rad",) * outputs,
+        notes=("a note",),
         band=(0.1, float(hz[_KEPT - 1])),
         speed=Speed(1.0, 9.0, 1.5),
         completeness=tuple(

@@ -141,7 +141,7 @@ def test_choices_change_the_plots(page: Opened) -> None:
     title = "(id) => document.getElementById(id).layout.xaxis.title.text"
     assert page.page.evaluate(title, "by-configuration") == "hinge.ry, deg"
     page.choose("speed-cost", "seconds")
-    assert page.page.evaluate(title, "speed") == "wall time of the responses, s"
+    assert page.page.evaluate(title, "speed") == "time of the responses, s"
     page.choose("order", "1")
     assert page.page.evaluate(title, "sigma-0") == "rank, by sigma"
     page.choose("error", "1")
@@ -222,18 +222,101 @@ def test_tables_of_health_and_sensitivity(page: Opened) -> None:
     assert "damping x 5 2 3 2" in cases
 
 
+def test_the_first_screen_holds_verdict_error_cost_and_the_worst_response(browser: Any, small: Path) -> None:
+    with opened(browser, small, width=1280) as found:
+        found.page.wait_for_selector("html[data-drawn~=response]", state="attached", timeout=60_000)
+        for part in (".badge", ".cards", "#speed", "#response"):
+            box = found.page.locator(part).bounding_box()
+            assert box["y"] >= 0 and box["y"] + box["height"] <= 900 and box["x"] + box["width"] <= 1280, part
+        titles = """() => ['yaxis', 'yaxis2', 'yaxis3']
+          .map((axis) => document.getElementById('response').layout[axis].title.text)"""
+        assert found.page.evaluate(titles) == ["magnitude, rad/(N m)", "|error|, dB", "phase, °"]
+        assert found.page.eval_on_selector("#notes", "(notes) => notes.open") is False
+        assert "this model" in found.page.inner_text("#speed")
+        assert found.faults == []
+
+
+def test_the_theme_changes_page_plots_and_canvas(browser: Any, small: Path) -> None:
+    paper = (
+        "() => [getComputedStyle(document.body).backgroundColor, document.getElementById('speed').layout.paper_bgcolor]"
+    )
+    with opened(browser, small, color_scheme="dark") as found:
+        found.page.wait_for_selector("html[data-drawn~=speed][data-drawn~=sketch]", state="attached", timeout=60_000)
+        assert found.page.evaluate(paper) == ["rgb(20, 24, 29)", "#14181d"]
+        sketch = "() => document.getElementById('sketch').toDataURL()"
+        night = found.page.evaluate(sketch)
+        found.page.focus("#theme")
+        found.page.keyboard.press("Enter")
+        assert found.page.evaluate(paper) == ["rgb(255, 255, 255)", "#fff"]
+        assert found.page.evaluate(sketch) != night
+        assert found.faults == []
+
+
+def test_a_table_that_is_cut_says_so_and_opens(page: Opened) -> None:
+    line = page.page.locator("#ranking .scroll + .cut").first
+    assert re.fullmatch(r"\d+ of 130 rows fit here", line.locator("span").inner_text())
+    line.locator("button").click()
+    frame = page.page.locator("#ranking .scroll").first
+    assert frame.evaluate("(frame) => frame.scrollHeight - frame.clientHeight") <= 1
+    assert line.inner_text().split("\n")[0].startswith("all 130 rows")
+    # Tables that fit say nothing.
+    assert page.page.locator("#sensitivity .cut:visible").count() == 0
+
+
+def test_a_phone_needs_no_scrolling_sideways(browser: Any, small: Path) -> None:
+    with opened(browser, small, width=390) as found:
+        found.draw_all()
+        found.page.evaluate("dispatchEvent(new Event('afterprint'))")
+        assert found.page.evaluate("() => document.documentElement.scrollWidth") == 390
+
+
+def test_a_browser_that_prints_at_once_draws_every_plot(browser: Any, small: Path) -> None:
+    """Printing does not wait for streams: the page unpacks itself without them."""
+    with opened(browser, small) as found:
+        drawn = found.page.evaluate(
+            """() => {
+              if (document.documentElement.dataset.ready) return "too late";
+              dispatchEvent(new Event("beforeprint"));
+              return [...document.querySelectorAll(".plot")].map((plot) => plot.querySelectorAll("svg").length);
+            }"""
+        )
+        assert drawn == "too late" or (len(drawn) == 15 and min(drawn) > 0)
+        same = """async () => {
+          const [streamed, now] = [new Uint8Array(await Arrays.inflated("plotly")), Arrays.inflatedNow("plotly")];
+          return streamed.length === now.length && streamed.every((byte, k) => byte === now[k]);
+        }"""
+        assert found.page.evaluate(same)
+        assert found.faults == []
+
+
 def test_the_page_of_a_sweep_opens(browser: Any, tmp_path: Path) -> None:
     path = tmp_path / "sweep.html"
-    path.write_text(sweep_page(made_sweep()), encoding="utf-8")
+    limits = {"verify": {"limits": {"frf_error": 0.05}}}
+    path.write_text(sweep_page(replace(made_sweep(), provenance={"settings_of_first_point": limits})), encoding="utf-8")
     with opened(browser, path) as found:
         found.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
         # A line for the front, and four points.
         assert found.page.evaluate(MARKS, "sweep") >= 1 + 4
         title = "() => document.getElementById('sweep').layout.xaxis.title.text"
         assert found.page.evaluate(title) == "reduction time, s"
+        shown = "() => document.getElementById('sweep').layout.annotations.map((each) => each.text)"
+        assert found.page.evaluate(shown) == ["limit 5 %"]
         found.page.select_option("#cost", "operations")
         found.page.select_option("#error", "db_error")
         assert found.page.evaluate(title) == "operations for a simulated second"
+        assert found.page.evaluate(shown) == []
+        points = "() => [...document.querySelectorAll('#points tbody tr')].map((row) => row.cells[0].textContent)"
+        assert found.page.evaluate(points) == ["1", "2", "3", "4", "5"]
+        links = "() => [...document.querySelectorAll('#points tbody a')].map((link) => link.getAttribute('href'))"
+        assert found.page.evaluate(links) == [f"points/{k}/" for k in range(1, 5)]
+        sort = found.page.locator("#points th button", has_text="response error")
+        sort.focus()
+        found.page.keyboard.press("Enter")
+        # A failed point has no error: it stays last in both orders.
+        assert found.page.evaluate(points) == ["3", "1", "2", "4", "5"]
+        sort.click()
+        assert found.page.evaluate(points) == ["4", "1", "2", "3", "5"]
+        assert found.page.get_attribute("#points th[aria-sort]", "aria-sort") == "descending"
         assert found.faults == []
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from cmsreduce.model.results.choices import SearchRecord, SensitivityRecord
 from cmsreduce.model.results.component import ComponentResult, EffectiveMassCurve
 from cmsreduce.model.results.drawing import SceneDrawing
@@ -52,6 +54,8 @@ class RunResult(Measured):
         Modal gains of the run's own model, and of the model with every mode of the mode sets.
     proofs : tuple of Proof
         Facts about the assembled system that the verdict rests on.
+    input_units, output_units : tuple of str
+        Unit of every actuator and of every sensor; empty where it is not known.
     """
 
     name: str
@@ -68,6 +72,8 @@ class RunResult(Measured):
     effective_mass: Mapping[str, EffectiveMassCurve] = field(default_factory=dict)
     gains: Mapping[str, tuple[GainSum, GainSum]] = field(default_factory=dict)
     proofs: tuple[Proof, ...] = ()
+    input_units: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Name, verdict, sizes and worst errors."""
@@ -91,6 +97,24 @@ class RunResult(Measured):
     def passed(self) -> bool:
         """True if the verdict is ``PASS``: all limits are met; a run without limits does not pass."""
         return self.verdict.passed
+
+    def response_unit(self, output: int, input: int) -> str:
+        """Unit of a response, such as ``rad/(N m)`` or ``rad/(s N)``; empty where it is not known."""
+        given, measured = self.input_units[input : input + 1], self.output_units[output : output + 1]
+        if not (given and measured and given[0] and measured[0]):
+            return ""
+        above, _, rate = measured[0].partition("/")
+        below = f"{rate} {given[0]}".strip()
+        return f"{above}/({below})" if any(mark in below for mark in " /") else f"{above}/{below}"
+
+    @property
+    def worst_response(self) -> tuple[int, tuple[int, int]]:
+        """Numbers of the configuration and of the channel (output, input) where the own model's error is largest."""
+        found = [(k, each) for k, result in enumerate(self.configurations) if (each := result.errors.get(self.model))]
+        if not found:
+            return 0, (0, 0)
+        at, errors = max(found, key=lambda one: np.nan_to_num([one[1].channel_error or 0.0, one[1].frf_error]).tolist())
+        return at, errors.worst_channel or (0, 0)
 
     @property
     def chosen(self) -> bool:

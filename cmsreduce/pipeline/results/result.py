@@ -144,6 +144,8 @@ def _result(run: Run) -> RunResult:
         model=MODEL,
         inputs=tuple(channel.name for channel in run.scene.actuators),
         outputs=tuple(channel.name for channel in run.scene.sensors),
+        input_units=tuple(channel.effort_unit(run.scene.units) for channel in run.scene.actuators),
+        output_units=tuple(channel.motion_unit(run.scene.units) for channel in run.scene.sensors),
         band=run.scene.band,
         speed=None
         if not (verified and configurations)

@@ -15,7 +15,7 @@ from cmsreduce.report.page.packing import ArrayStore, thinned_points
 from cmsreduce.report.palette import FULL, INK, LIMIT, model_style
 from cmsreduce.report.wording import Figure, compared, measured
 
-__all__ = ["all_rounded", "decibels", "response_data", "rounded"]
+__all__ = ["all_rounded", "decibels", "phase_degrees", "response_data", "rounded"]
 
 # Digits of numbers in the page's JSON, more than a plot or a tooltip shows.
 _DIGITS = 5
@@ -33,6 +33,13 @@ def decibels(H: ArrayLike) -> NDArray[np.float64]:
     return np.where(known, 20 * np.log10(np.where(known, size, 1.0)), np.nan)
 
 
+def phase_degrees(H: ArrayLike) -> NDArray[np.float64]:
+    """Phase in degrees, above -180 and up to 180; NaN where the response is zero or not finite."""
+    values = np.asarray(H)
+    known = np.isfinite(values) & (values != 0)
+    return np.where(known, np.degrees(np.angle(np.where(known, values, 1.0))), np.nan)
+
+
 def response_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     """Curves and errors of a run.
 
@@ -45,14 +52,16 @@ def response_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``models`` gives the order of all lists by model, the run's own first. Curves are thinned; frequencies in Hz,
-        magnitudes in dB re 1. ``apart`` is the magnitude of a reduced model less the magnitude of the reference (or 0
-        without a response), ``missed`` the magnitude of the difference in dB re the reference response.
+        ``models`` gives the order of all lists by model, the run's own first; ``first`` is the configuration and the
+        channel with the largest error. Curves are thinned; frequencies in Hz, magnitudes in dB re 1, phases in degrees.
+        ``apart`` is the magnitude of a reduced model less the magnitude of the reference (or 0 without a response),
+        ``turned`` its phase less that of the reference.
     """
     models = (run.model, *compared(run))
     figures = measured(run)
     channels = [(o, i) for o in range(len(run.outputs)) for i in range(len(run.inputs))]
-    most = _BUDGET / max(1, len(run.configurations) * len(channels)) / (4 + 4 * len(models))
+    at, worst = run.worst_response
+    most = _BUDGET / max(1, len(run.configurations) * len(channels)) / (6 + 4 * len(models))
     return {
         "models": list(models),
         "styles": {
@@ -62,10 +71,16 @@ def response_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
             "ink": INK,
         },
         "band": list(run.band),
+        "first": [at, worst[0] * len(run.inputs) + worst[1]],
         "configurations": [result.configuration.name for result in run.configurations],
         "axes": _axes(run),
         "channels": [
-            {"label": f"{run.inputs[i]} → {run.outputs[o]}", "input": run.inputs[i], "output": run.outputs[o]}
+            {
+                "label": f"{run.inputs[i]} → {run.outputs[o]}",
+                "input": run.inputs[i],
+                "output": run.outputs[o],
+                "unit": run.response_unit(o, i),
+            }
             for o, i in channels
         ],
         "figures": [_figure(run, figure, models) for figure in figures],
@@ -201,10 +216,11 @@ def _damped_pairs(found: DampedPairs) -> list[list[float | None]]:
 def _channel(
     result: ConfigurationResult, models: Iterable[str], o: int, i: int, store: ArrayStore, most: float, columns: float
 ) -> tuple[dict[str, Any], float]:
-    response = result.response
-    full = decibels(response.full[:, o, i])
-    reduced = {m: decibels(response.reduced[m][:, o, i]) for m in models if m in response.reduced}
-    missed = {m: decibels(_missed(response.full[:, o, i], response.reduced[m][:, o, i])) for m in reduced}
+    response, H = result.response, result.response.full[:, o, i]
+    full, phase = decibels(H), phase_degrees(H)
+    own = {m: response.reduced[m][:, o, i] for m in models if m in response.reduced}
+    reduced = {m: decibels(each) for m, each in own.items()}
+    missed = {m: decibels(_missed(H, each)) for m, each in own.items()}
     errors = [abs(curve - full) for curve in reduced.values()]
     curves = np.vstack([full, *reduced.values(), *errors, *missed.values()])
     at = thinned_points(response.frequency_hz, curves, int(columns))
@@ -217,7 +233,8 @@ def _channel(
         "full": store.rounded(full[at]),
         # A difference, so that rounding of both curves does not hide the error of a good model.
         "apart": [store.rounded(reduced[m][at] - base[at]) if m in reduced else None for m in models],
-        "missed": [store.rounded(missed[m][at]) if m in missed else None for m in models],
+        "phase": store.rounded(phase[at]),
+        "turned": [store.rounded(phase_degrees(own[m] * H.conj())[at]) if m in own else None for m in models],
     }
     return found, columns
 

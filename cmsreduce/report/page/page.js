@@ -1,7 +1,7 @@
 "use strict";
 // Unpacks the page, and draws every plot when it comes into view.
 (async () => {
-  const { data, element } = Style;
+  const { data, element, library, wired, watched } = Style;
   const jobs = new Map();
   const finished = new Set();
   const place = (id) => document.getElementById(id);
@@ -25,6 +25,7 @@
     document.documentElement.dataset.drawn = [...finished].join(" ");
   }
 
+  document.querySelectorAll(".scroll").forEach(watched);
   if (data.scene) plot("sketch", Scene.sketch);
   if (data.channels.length && data.configurations.length) plot("response", Responses.response, "configuration", "channel", "error");
   plot("by-configuration", Responses.byConfiguration, "figure", "against");
@@ -48,23 +49,17 @@
     plot("shapes", Scene.shapes);
   }
 
-  const closed = () => document.querySelectorAll("details:not([open])");
-  let opened = [];
-  addEventListener("beforeprint", () => {
-    opened = [...closed()];
-    for (const part of opened) part.open = true;
-    if (globalThis.Plotly) for (const id of jobs.keys()) show(id);
-  });
-  addEventListener("afterprint", () => {
-    for (const part of opened) part.open = false;
+  wired({
+    again: () => finished.forEach((id) => jobs.get(id)()),
+    unpack: () => Arrays.openNow("report-arrays"),
+    complete: () => [...jobs.keys()].forEach(show),
   });
 
   await Arrays.open("report-arrays");
   // What needs no library is there at once.
   if (jobs.has("sketch")) show("sketch");
   await new Promise((painted) => requestAnimationFrame(() => setTimeout(painted)));
-  const library = element("script", new TextDecoder().decode(await Arrays.inflated("plotly")));
-  document.head.append(library);
+  library(await Arrays.inflated("plotly"));
   const seen = new IntersectionObserver((entries) => {
     for (const entry of entries) if (entry.isIntersecting) show(entry.target.id);
   }, { rootMargin: "300px 0px" });

@@ -9,6 +9,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from cmsreduce.model import MISSING_INERTIA, RunResult
+from cmsreduce.report.next_steps import next_steps
 from cmsreduce.report.page.check_data import check_data
 from cmsreduce.report.page.curves import response_data
 from cmsreduce.report.page.mode_data import mode_data
@@ -51,16 +52,16 @@ __all__ = [
 # Compression that takes half the time of the strongest, for a library 4 % larger.
 _QUICK = 4
 # Scripts in the order in which they depend on each other.
-_SCRIPTS = ("arrays", "style", "responses", "modes", "checks", "viewer", "scene")
+_SCRIPTS = ("inflate", "arrays", "style", "responses", "modes", "checks", "viewer", "scene")
 _SECTIONS = (
     ("scene", "Scene"),
-    ("errors", "Errors"),
+    ("components", "Bodies"),
+    ("mode-shapes", "Mode shapes"),
+    ("mac-of-modes", "MAC"),
+    ("ranking", "Ranking"),
+    ("errors", "Errors and limits"),
     ("responses", "Responses"),
     ("configurations", "Articulation"),
-    ("cost", "Speed"),
-    ("components", "Modes"),
-    ("mode-shapes", "Shapes"),
-    ("mac-of-modes", "MAC"),
     ("gain-sum", "Gains"),
     ("statics", "Static loads"),
     ("zero-shifts", "Zeros"),
@@ -92,6 +93,7 @@ def render_report(run: RunResult) -> str:
     from markupsafe import Markup
 
     models, verdict = (run.model, *compared(run)), run.verdict
+    basis = verdict_lines(verdict)
     store = ArrayStore()
     data = page_data(run, store)
     script = "\n".join([*(part(f"page_{name}.js") for name in _SCRIPTS), part("page.js")])
@@ -102,7 +104,9 @@ def render_report(run: RunResult) -> str:
         cards=cards(run),
         headline=headline(run),
         meaning=meaning(verdict),
-        rests_on=verdict_lines(verdict),
+        broken=[words for state, words in basis if state == "FAIL"],
+        next_steps=next_steps(run) if verdict.word == "FAIL" else (),
+        rests_on=basis,
         proofs=proof_rows(verdict.proofs),
         left_out=channels_left_out(run),
         figures=measured(run),
@@ -147,7 +151,7 @@ def _sections(run: RunResult, data: dict[str, Any]) -> list[tuple[str, str]]:
         "mode-shapes": run.drawing is not None,
         "responses": bool(run.configurations),
         "configurations": bool(run.configurations),
-        "cost": bool(run.configurations),
+        "ranking": bool(run.components),
         "mac-of-modes": data["has_mac"],
         "gain-sum": bool(run.gains),
         "statics": bool(data["statics"]),

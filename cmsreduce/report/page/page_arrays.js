@@ -23,6 +23,13 @@ const Arrays = (() => {
     block = await inflated(id);
   }
 
+  // The same at once, for a page that is printed before its streams are read.
+  const inflatedNow = (id) => Inflate.gzip(bytes(document.getElementById(id).textContent));
+
+  function openNow(id) {
+    block = inflatedNow(id).buffer;
+  }
+
   function read(where) {
     const array = new KINDS[where.as](block, where.at, where.n);
     if (where.sum) {
@@ -40,5 +47,5 @@ const Arrays = (() => {
     return found;
   }
 
-  return { inflated, open, read };
+  return { inflated, inflatedNow, open, openNow, read };
 })();

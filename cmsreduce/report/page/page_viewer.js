@@ -28,13 +28,13 @@ const Viewers = (() => {
       canvas.height = Math.round(this.height * ratio);
       this.to = canvas.getContext("2d");
       this.to.setTransform(ratio, 0, 0, ratio, 0, 0);
-      this.to.fillStyle = "#fff";
+      this.to.fillStyle = Style.tinted("#fff");
       this.to.fillRect(0, 0, this.width, this.height);
       this.to.lineCap = "round";
     }
 
     lines(segments, colour, width) {
-      this.to.strokeStyle = colour;
+      this.to.strokeStyle = Style.tinted(colour);
       this.to.lineWidth = width;
       this.to.beginPath();
       for (const [x, y, u, v] of segments) {
@@ -48,9 +48,9 @@ const Viewers = (() => {
       this.to.beginPath();
       points.forEach(([x, y], k) => (k ? this.to.lineTo(x, y) : this.to.moveTo(x, y)));
       this.to.closePath();
-      this.to.fillStyle = fill;
+      this.to.fillStyle = Style.tinted(fill);
       this.to.fill();
-      this.to.strokeStyle = stroke;
+      this.to.strokeStyle = Style.tinted(stroke);
       this.to.lineWidth = 1.5;
       this.to.stroke();
     }
@@ -58,9 +58,9 @@ const Viewers = (() => {
     text(x, y, words, colour, bold) {
       this.to.font = `${bold ? "600 " : ""}13px system-ui, sans-serif`;
       this.to.lineWidth = 4;
-      this.to.strokeStyle = "rgba(255,255,255,.9)";
+      this.to.strokeStyle = Style.tinted("rgba(255,255,255,.9)");
       this.to.strokeText(words, x, y);
-      this.to.fillStyle = colour;
+      this.to.fillStyle = Style.tinted(colour);
       this.to.fillText(words, x, y);
     }
 

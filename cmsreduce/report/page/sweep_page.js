@@ -1,44 +1,55 @@
 "use strict";
-// Unpacks the plotting library, and draws the error of a sweep against a cost; both can be chosen.
+// Error of a sweep against a cost, both of which can be chosen, and its points as a table that can be sorted.
 (async () => {
+  const { data, styles, titled, DECADES, plain, draw, library, wired, watched } = Style;
   const place = (id) => document.getElementById(id);
   const target = place("sweep");
-  if (typeof DecompressionStream === "undefined") {
-    target.textContent = "The picture needs a browser of 2023 or later; sweep.svg beside it shows its main part.";
-    return;
-  }
-  const data = JSON.parse(place("sweep-data").textContent);
-  const library = document.createElement("script");
-  library.textContent = new TextDecoder().decode(await Arrays.inflated("plotly"));
-  document.head.append(library);
-  // Buttons are named one by one: the default bar offers to send the data to a server.
-  const save = (format, title, icon) => ({ name: format, title, icon, click: (plot) => Plotly.downloadImage(plot,
-    { format, filename: "sweep", scale: format === "png" ? 2 : 1, width: plot.clientWidth, height: plot.clientHeight }) });
-  const axis = (name) => ({ title: { text: data.labels[name] }, type: "log", gridcolor: "#e4e8ec", exponentformat: "power" });
 
-  function draw() {
+  function picture() {
+    if (!globalThis.Plotly) return;
     const [error, cost] = [place("error").value, place("cost").value];
-    const plane = data.planes.find((each) => each.error === error && each.cost === cost);
-    if (!plane) return Plotly.react(target, [], { xaxis: axis(cost), yaxis: axis(error) });
+    const plane = data.planes.find((each) => each.error === error && each.cost === cost) || { points: [], x: [], y: [], front: [], steps: [] };
     const pick = (values, at) => at.map((k) => values[k]);
     const front = { x: pick(plane.x, plane.steps), y: pick(plane.y, plane.steps), mode: "lines", name: "Pareto front", hoverinfo: "skip",
-      line: { color: data.ink, width: 1, shape: "hv" } };
+      line: { color: styles.ink, width: 1, shape: "hv" } };
     const marks = data.groups.map((group, number) => {
       const at = plane.points.map((_, k) => k).filter((k) => data.group[plane.points[k]] === number);
       const best = pick(plane.front, at);
-      return { x: pick(plane.x, at), y: pick(plane.y, at), mode: "markers", name: group.name, hovertemplate: "%{text}<extra></extra>",
-        text: at.map((k) => data.said[plane.points[k]]),
-        marker: { symbol: group.symbol, color: group.colour, size: best.map((b) => (b ? 11 : 7)), opacity: best.map((b) => (b ? 1 : data.faint)),
-          line: { color: data.ink, width: best.map((b) => (b ? 1 : 0)) } } };
+      return { x: pick(plane.x, at), y: pick(plane.y, at), mode: "markers", name: plain(group.name), hovertemplate: "%{text}<extra></extra>",
+        text: at.map((k) => data.said[plane.points[k]]), customdata: at.map((k) => data.folders[plane.points[k]]),
+        marker: { symbol: group.symbol, color: group.colour, size: best.map((b) => (b ? 12 : 8)), opacity: best.map((b) => (b ? 1 : data.faint)),
+          line: { color: styles.ink, width: best.map((b) => (b ? 1 : 0)) } } };
     });
+    const limit = data.limits[error];
     place("noise").textContent = plane.noise ? `Times within ${(100 * plane.noise).toFixed(0)} % of each other count as equal.` : "";
-    return Plotly.react(target, [front, ...marks], { font: { color: data.ink }, legend: { orientation: "h", y: -0.2 }, xaxis: axis(cost), yaxis: axis(error),
-      paper_bgcolor: "#fff", plot_bgcolor: "#fff" }, { displaylogo: false, responsive: true, showSendToCloud: false, plotlyServerURL: "",
-      modeBarButtons: [["zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"],
-        [save("png", "Save as PNG", Plotly.Icons.camera), save("svg", "Save as SVG", Plotly.Icons.disk)]] });
+    draw(target, [front, ...marks], {
+      showlegend: true,
+      shapes: limit ? [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: limit.value, y1: limit.value, line: { color: styles.limit, width: 1.5 } }] : [],
+      annotations: limit ? [{ xref: "paper", x: 1, xanchor: "right", y: Math.log10(limit.value), yanchor: "bottom", showarrow: false, text: limit.text }] : [],
+      xaxis: titled(data.labels[cost], { type: "log", exponentformat: "power" }), yaxis: titled(data.labels[error], DECADES),
+    });
+    target.removeAllListeners("plotly_click");
+    target.on("plotly_click", ({ points }) => { if (points[0].customdata) location.href = points[0].customdata; });
   }
 
-  for (const id of ["error", "cost"]) place(id).addEventListener("change", draw);
-  await draw();
+  // Numbers by size, with cells without a value last; other cells by their text.
+  function sort(head, column) {
+    const down = head.getAttribute("aria-sort") === "ascending";
+    const body = place("points").tBodies[0];
+    const value = (row) => row.cells[column].dataset.value;
+    const compared = (a, b) => (value(a) === "" ? 1 : value(b) === "" ? -1
+      : (down ? -1 : 1) * (head.className === "num" ? Number(value(a)) - Number(value(b)) : value(a).localeCompare(value(b), "en", { numeric: true })));
+    for (const other of head.parentNode.cells) other.removeAttribute("aria-sort");
+    head.setAttribute("aria-sort", down ? "descending" : "ascending");
+    body.append(...[...body.rows].sort(compared));
+  }
+
+  [...place("points").tHead.rows[0].cells].forEach((head, column) => head.firstElementChild.addEventListener("click", () => sort(head, column)));
+  document.querySelectorAll(".scroll").forEach(watched);
+  for (const id of ["error", "cost"]) place(id).addEventListener("change", picture);
+  wired({ again: picture });
+  if (typeof DecompressionStream === "undefined") library(Arrays.inflatedNow("plotly"));
+  else library(await Arrays.inflated("plotly"));
+  picture();
   document.documentElement.dataset.ready = "yes";
 })();

@@ -26,7 +26,7 @@ _UNKNOWN = "–"
 
 
 def cards(run: RunResult) -> list[Row]:
-    """Figures at the head of the page: sizes, worst errors with their limits, speed, checks.
+    """Figures at the head of the page: sizes, worst errors with their limits, cost of a simulation, checks.
 
     Each has a name ``what``, a ``value``, ``more`` to compare it with, and a ``state``: pass, fail, or empty without a
     limit.
@@ -39,26 +39,21 @@ def cards(run: RunResult) -> list[Row]:
     if run.components:
         parts = run.components.values()
         elastic, dofs = (sum(part.modes.elastic_count for part in parts), sum(part.full_dofs for part in parts))
-        add("elastic modes kept", str(sum(part.kept_modes for part in parts)), f"of {elastic}, from {dofs} dofs")
+        add("modes kept", str(sum(part.kept_modes for part in parts)), f"of {elastic}; {dofs} dofs")
     for figure, largest in worst(run, run.model):
         state, limit = "", "no limit set"
         if largest.judged:
             state = largest.verdict.lower()
             limit = f"{'✔' if largest.passed else '✘'} limit {figure.text(largest.limit)}"
-        add(f"worst {figure.label}", figure.text(largest.value), limit, state)
-    if run.speed is not None and run.speed.reduced_frf_s > 0:
-        times = run.speed.full_frf_s / run.speed.reduced_frf_s
-        taken = f"{seconds(run.speed.full_frf_s)} → {seconds(run.speed.reduced_frf_s)}"
-        add("speed of the responses", f"× {number(times, 2)}", taken)
+        add(figure.label, figure.text(largest.value), limit, state)
     costs = None if run.speed is None else run.speed.simulation
     if costs is not None and costs.full is not None and costs.reduced.operations > 0:
         times = costs.full.operations / costs.reduced.operations
-        taken = f"{number(costs.full.operations, 2)} → {number(costs.reduced.operations, 2)} operations a second"
-        add("cost of a simulation", f"÷ {number(times, 2)}", taken)
+        add("simulation", f"÷ {number(times, 2)}", "in operations")
     passed = [check.passed for part in run.components.values() for check in part.checks]
     if passed:
         state, more = ("pass", "✔ passed") if all(passed) else ("fail", "✘ failed some")
-        add("checks of the bodies", f"{sum(passed)} of {len(passed)}", more, state)
+        add("body checks", f"{sum(passed)} of {len(passed)}", more, state)
     return found
 
 

@@ -1,9 +1,10 @@
-"""Static pictures of runs and sweeps.
+"""Pictures of runs and sweeps, as files and in notebooks.
 
-SVG and PNG files belong here.
-Interactive plots belong in `report.page`.
+A chart is data (`chart`, `charts`); `still` draws it into a file, `live` in a notebook.
+Plots that answer to choices belong in `report.page`.
 """
 
+from cmsreduce.report.pictures.live import Plots
 from cmsreduce.report.pictures.run import (
     FIGURE_NAMES,
     figure_pictures,
@@ -15,6 +16,7 @@ from cmsreduce.report.pictures.sweep import sweep_page, sweep_picture
 
 __all__ = [
     "FIGURE_NAMES",
+    "Plots",
     "figure_pictures",
     "response_picture",
     "run_pictures",

@@ -13,10 +13,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["DOTS_PER_INCH", "drawn", "legend_above", "line_of", "literal", "plain_axes"]
+__all__ = ["DOTS_PER_INCH", "MARKERS", "drawn", "legend_above", "line_of", "literal", "plain_axes"]
 
 DOTS_PER_INCH = 150
 """Resolution of pictures in pixels."""
+
+MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "triangle-down": "v", "cross": "P"}
+"""Markers by their names in plotly."""
 
 _PIXELS_PER_POINT = DOTS_PER_INCH / 72
 # Ratio of the ends of a logarithmic axis below which it has labels between its decades, too.

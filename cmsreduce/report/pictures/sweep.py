@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import SweepResult, SweepRow
+from cmsreduce.model import SweepResult, SweepRow, short_keys
 from cmsreduce.report.page import embedded, packed_plotly, part
-from cmsreduce.report.palette import INK, LineStyle, model_style
+from cmsreduce.report.palette import INK, LIMIT, LineStyle, model_style
 from cmsreduce.report.pareto import COSTS, Trade, trades
-from cmsreduce.report.pictures.figure import drawn, literal
+from cmsreduce.report.pictures.figure import MARKERS, drawn, literal
 from cmsreduce.report.wording import FIGURES, number, plural
 
 __all__ = ["sweep_page", "sweep_picture"]
@@ -21,11 +21,12 @@ _INCHES = (11.0, 4.2)
 _ERROR = "relative response error"
 # Costs of the still picture; the page has all.
 _STILL = ("n_reduced", "operations", "reduce_s", "reduced_frf_s")
+# Scripts of the page, in the order in which they depend on each other.
+_SCRIPTS = ("page_inflate", "page_arrays", "page_style", "sweep_page")
 # Opacity of points off the front.
 _FAINT = 0.35
 # Styles for groups of points.
 _MOST_GROUPS = 6
-_MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "triangle-down": "v", "cross": "P"}
 
 
 def sweep_picture(sweep: SweepResult, path: Path) -> None:
@@ -54,7 +55,7 @@ def sweep_picture(sweep: SweepResult, path: Path) -> None:
                 here = [k for k, row in enumerate(trade.rows) if _group(sweep, row) == group]
                 for best in (False, True):
                     at = [k for k in here if trade.front[k] == best]
-                    marks: Any = {"marker": _MARKERS[look.symbol], "color": look.colour, "s": 34 if best else 18}
+                    marks: Any = {"marker": MARKERS[look.symbol], "color": look.colour, "s": 34 if best else 18}
                     edge: Any = {"edgecolors": INK if best else "none", "linewidths": 0.7}
                     label = literal(group) if best else None
                     faint = 1.0 if best else _FAINT
@@ -73,7 +74,7 @@ def sweep_picture(sweep: SweepResult, path: Path) -> None:
 
 
 def sweep_page(sweep: SweepResult) -> str:
-    """Any error against any cost as one HTML page that opens offline; each point has a tooltip.
+    """Any error against any cost, and a table of all points, as one HTML page that opens offline.
 
     Raises
     ------
@@ -99,24 +100,80 @@ def sweep_page(sweep: SweepResult) -> str:
         for trade in trades(sweep, figure.name)
     ]
     data = {
-        "ink": INK,
+        "styles": {"ink": INK, "limit": LIMIT},
         "faint": _FAINT,
         "planes": planes,
-        "groups": [{"name": _escaped(name), **asdict(look)} for name, look in _groups(sweep).items()],
+        "limits": _limits(sweep),
+        "groups": [{"name": name, **asdict(look)} for name, look in _groups(sweep).items()],
         "group": {row.point: list(_groups(sweep)).index(_group(sweep, row)) for row in sweep.rows},
+        "folders": {row.point: f"{row.folder}/" for row in sweep.rows},
         "said": {row.point: _tooltip(row) for row in sweep.rows},
         "labels": {figure.name: f"{figure.label}, {figure.unit}" for figure in FIGURES} | COSTS,
     }
     page = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(part("sweep.html.j2"))
     there = {name for plane in planes for name in (plane["error"], plane["cost"])}
+    failed, broken = sweep.count("failed"), sweep.count("limit broken")
+    counts = [plural(len(sweep.rows), "point"), *([f"{broken} broke a limit"] if broken else [])]
+    heads, rows = _table(sweep)
     return page.render(
+        name=sweep.name,
+        word=sweep.word,
+        counts=", ".join([*counts, *([f"{failed} failed"] if failed else [])]),
         title=_title(sweep),
+        heads=heads,
+        rows=rows,
         errors=[(figure.name, figure.label) for figure in FIGURES if figure.name in there],
         costs=[(name, label) for name, label in COSTS.items() if name in there],
+        program=sweep.provenance.get("program", "cmsreduce"),
         data=Markup(embedded(data)),
         plotly=Markup(packed_plotly()),
-        script=Markup("\n".join([part("page_arrays.js"), part("sweep_page.js")])),
+        style=Markup(part("page.css")),
+        script=Markup("\n".join(part(f"{name}.js") for name in _SCRIPTS)),
     )
+
+
+def _limits(sweep: SweepResult) -> dict[str, dict[str, Any]]:
+    """Limits that all points share, in the units shown."""
+    given = sweep.provenance.get("settings_of_first_point", {}).get("verify") or {}
+    limits = given.get("limits") or {}
+    return {
+        figure.name: {"value": figure.scale * limit, "text": f"limit {figure.text(limit)}"}
+        for figure in FIGURES
+        if (limit := limits.get(figure.name)) and f"verify.limits.{figure.name}" not in sweep.axes
+    }
+
+
+def _table(sweep: SweepResult) -> tuple[list[dict[str, Any]], list[list[dict[str, Any]]]]:
+    """Headings and rows of all points; an empty value stays last when the rows are sorted."""
+    keys = short_keys(list(sweep.axes))
+    figures = [figure for figure in FIGURES if any(math.isfinite(getattr(row, figure.name)) for row in sweep.rows)]
+    costs = {name: label for name, label in COSTS.items() if any(getattr(row, name) > 0 for row in sweep.rows)}
+    heads = [
+        {"label": "point", "num": True},
+        *({"label": key, "num": False} for key in keys),
+        {"label": "kept", "num": True},
+        *({"label": figure.label, "num": True} for figure in figures),
+        *({"label": label, "num": True} for label in costs.values()),
+        {"label": "outcome", "num": False},
+    ]
+    rows = []
+    for row in sweep.rows:
+        done = row.status != "failed"
+        cells = [_cell(row.point, str(row.point), f"{row.folder}/" if done else "")]
+        cells += [_cell(row.overrides[key]) for key in sweep.axes]
+        cells.append(_cell(row.kept_modes if done else math.nan))
+        cells += [_cell(value, figure.text(value)) for figure in figures for value in [getattr(row, figure.name)]]
+        cells += [_cell(float(getattr(row, name) or math.nan)) for name in costs]
+        rows.append([*cells, _cell(f"{row.status}: {row.message}" if row.message else row.status)])
+    return heads, rows
+
+
+def _cell(value: str | float, text: str | None = None, link: str = "") -> dict[str, Any]:
+    if isinstance(value, str):
+        return {"value": value, "text": value, "link": link}
+    if math.isnan(value):
+        return {"value": "", "text": "–", "link": link}
+    return {"value": repr(float(value)), "text": number(value) if text is None else text, "link": link}
 
 
 def _trades(sweep: SweepResult, path: Path) -> tuple[Trade, ...]:

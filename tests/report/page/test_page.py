@@ -76,7 +76,11 @@ class Page(HTMLParser):
         base = np.nan_to_num(full, nan=0.0)
         reduced = [base + self.array(where) for where in curve["apart"]]
         hz = self.array(setting["hz"])[self.array(curve["at"]).astype(int)]
-        return hz, full, reduced, [self.array(where) for where in curve["missed"]]
+        missed = []
+        for apart, turned in zip(curve["apart"], curve["turned"], strict=True):
+            ratio = 10 ** (self.array(apart) / 20) * np.exp(1j * np.radians(self.array(turned)))
+            missed.append(20 * np.log10(np.maximum(abs(ratio - 1), np.finfo(float).eps)))
+        return hz, full, reduced, missed
 
 
 def test_header_says_the_verdict_and_the_result(make_run) -> None:
@@ -92,15 +96,56 @@ def test_header_says_the_verdict_and_the_result(make_run) -> None:
 def test_every_configuration_channel_and_model_is_there(make_run) -> None:
     run = make_run(outputs=("gyro", "los"), compared=("all modes", "first 19"))
     page = Page(render_report(run))
-    assert page.options["configuration"] == ["spin=0", "spin=45 cone=30"]
-    assert page.options["channel"] == ["motor → gyro", "thruster → gyro", "motor → los", "thruster → los"]
+    # The larger error is at the second configuration.
+    assert page.options["configuration"] == ["spin=45 cone=30 (worst)", "spin=0"]
+    channels = ["motor → gyro", "thruster → gyro", "motor → los", "thruster → los"]
+    assert page.options["channel"] == ["motor → gyro (worst)", *channels[1:]]
     assert page.data["models"] == ["reduced", "all modes", "first 19"]
-    assert [c["label"] for c in page.data["channels"]] == page.options["channel"]
+    assert [c["label"] for c in page.data["channels"]] == channels
     for label in ("reduced", "all modes (compared)", "first 19 (compared)"):
         assert label in page.words
     labelled = {attrs.get("for") for tag, attrs in page.tags if tag == "label"}
     assert {"configuration", "channel", "error", "figure", "against", "speed-figure", "speed-cost", "order"} == labelled
     assert labelled == set(page.options)
+
+
+def test_the_worst_channel_of_the_worst_configuration_comes_first(make_run) -> None:
+    run = make_run(outputs=("gyro", "los"))
+    results = []
+    for k, result in enumerate(run.configurations):
+        by_channel = np.array([[0.01, 0.02], [0.03 + k, np.nan]])
+        own = replace(result.errors["reduced"], channel_errors=by_channel)
+        results.append(replace(result, errors={**result.errors, "reduced": own}))
+    page = Page(render_report(replace(run, configurations=tuple(results[::-1]))))
+    assert page.data["first"] == [0, 2]
+    assert page.options["configuration"][0] == "spin=45 cone=30 (worst)"
+    assert page.options["channel"][0] == "motor → los (worst)"
+
+
+def test_channels_have_the_unit_of_their_response(make_run) -> None:
+    units = {"input_units": ("N m", "N"), "output_units": ("rad", "m/s", "")}
+    page = Page(render_report(make_run(outputs=("gyro", "speed", "mixed"), **units)))
+    expected = ["rad/(N m)", "rad/N", "m/(s N m)", "m/(s N)", "", ""]
+    assert [channel["unit"] for channel in page.data["channels"]] == expected
+
+
+def test_phases_are_those_of_the_closed_form(make_run) -> None:
+    run = make_run(points=2000)
+    page, response = Page(render_report(run)), run.configurations[0].response
+    curve = page.data["settings"][0]["curves"][0]
+    at, phase = page.array(curve["at"]).astype(int), page.array(curve["phase"])
+    for label, turned in zip(("reduced", "first by frequency"), curve["turned"], strict=True):
+        drawn = np.exp(1j * np.radians(phase + page.array(turned)))
+        H = response.reduced[label][at, 0, 0]
+        # Two angles, each packed to a 65000th of a turn at most.
+        assert abs(drawn - H / abs(H)).max() < 2 * 2 * np.pi / 65_000
+
+
+def test_a_broken_limit_names_the_next_step_at_the_head(make_run) -> None:
+    head = render_report(make_run(limits={"frf_error": 0.001})).partition("<nav")[0]
+    assert "response error 2 % at spin=45 cone=30 is above its limit 0.1 %" in head
+    assert "next: " in head
+    assert "next: " not in render_report(make_run()).partition("<nav")[0]
 
 
 def test_tables_hold_the_figures(make_run) -> None:

@@ -37,7 +37,7 @@ def test_the_svg_has_a_mark_for_every_point_in_every_panel(tmp_path: Path) -> No
 def test_the_page_is_self_contained_and_names_its_points() -> None:
     page = sweep_page(made_sweep())
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=[\"']?(?:https?:)?//", page)
-    data = re.search(r'id="sweep-data">(.*?)</script>', page, re.S)
+    data = re.search(r'id="report-data">(.*?)</script>', page, re.S)
     assert data is not None
     facts = json.loads(data[1])
     # The library of 4.7 MB is packed as in the report.

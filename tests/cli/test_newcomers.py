@@ -1,0 +1,187 @@
+"""Mistakes of a first day: each ends in exit code 2 with one message that names the place and the next step."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cmsreduce.cli import main
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake.
+
+    ``says`` are patterns of the message, ``change`` replaces texts of the pipeline file, ``args`` name the study as P
+    and its folder as D.
+    """
+
+    says: tuple[str, ...]
+    change: tuple[tuple[str, str], ...] = ()
+    args: tuple[str, ...] = ("run", "P")
+    touch: Callable[[Path], None] | None = None
+
+
+def at(line: int, *says: str) -> tuple[str, ...]:
+    return (rf"study\.yaml:{line}\b", *says)
+
+
+def typed(line: int, old: str, new: str, *says: str) -> Mistake:
+    """A wrong text in a line of the pipeline file."""
+    return Mistake(at(line, *says), ((old, new),))
+
+
+def called(*args: str, says: tuple[str, ...], touch: Callable[[Path], None] | None = None) -> Mistake:
+    return Mistake(says, args=args, touch=touch)
+
+
+def written(name: str, text: str) -> Callable[[Path], None]:
+    return lambda folder: (folder / name).write_text(text) and None
+
+
+def newer(folder: Path) -> None:
+    with h5py.File(folder / "new.h5", "w") as file:
+        file.attrs.update({"format": "cmsreduce-component", "format_version": 99})
+
+
+def latin(folder: Path) -> None:
+    path = folder / "study.yaml"
+    path.write_bytes(path.read_text().replace("study", "stüdy", 1).encode("latin-1"))
+
+
+def damaged(folder: Path) -> None:
+    (folder / "new.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
+
+
+def one_matrix(folder: Path) -> None:
+    np.savez(folder / "arm.npz", K=np.eye(3))
+
+
+CASES = {
+    # The text of the file.
+    "tab": typed(5, "  arm:\n", "\tarm:\n", "a tab", "spaces"),
+    "indented too little": typed(24, "  joints:\n", " joints:\n", "same column"),
+    "indented too much": typed(23, "  band: 60 Hz", "    band: 60 Hz", "same column"),
+    "no blank after a colon": typed(23, "band: 60 Hz", "band:60 Hz", "blank after"),
+    "no colon": typed(22, "scene:\n", "scene\n", "line 21 has no ': '", "KEY: VALUE"),
+    "bracket left open": typed(41, "{frf_error: 0.05}", "{frf_error: 0.05", "opens in line 40"),
+    "list in place of keys": typed(
+        36, "{method: craig-bampton, cutoff: 15}", "[craig-bampton, 15]", "a list", "method"
+    ),
+    "decimal comma": typed(18, "mass: 5.0", "mass: 5,0", "decimal comma", r"5\.0"),
+    "backslash in a path": typed(8, "arm.bdf", '"meshes\\arm.bdf"', "backslash", "with /"),
+    "not UTF-8": Mistake((r"study\.yaml:1", "UTF-8"), touch=latin),
+    "file without a name": typed(1, "name: study\n", "", "lacks 'name'", "e.g. name"),
+    "misspelt section": typed(4, "components:", "component:", "did you mean 'components'"),
+    # Values and units.
+    "number in words": typed(36, "cutoff: 15", "cutoff: fifteen", "'fifteen'", "number"),
+    "cutoff in hertz": typed(36, "cutoff: 15", "cutoff: 900 Hz", "'900 Hz'", "number, e.g. 2.0"),
+    "cutoff of nothing": typed(36, "cutoff: 15", "cutoff: 0", "above 0"),
+    "cutoff below zero": typed(36, "cutoff: 15", "cutoff: -2", "above 0"),
+    "damping of 500 per cent": typed(10, "modal: 0.01", "modal: 5", "500 %", r"mean 0\.05"),
+    "limit of 500 per cent": typed(40, "frf_error: 0.05", "frf_error: 5", "500 %", r"mean 0\.05"),
+    "per cent in words": typed(40, "frf_error: 0.05", "frf_error: 5 percent", "'5 percent'", r"e\.g\. 0\.05"),
+    "misspelt limit": typed(40, "frf_error", "frf_eror", "did you mean 'frf_error'"),
+    "scene without a band": typed(21, "  band: 60 Hz\n", "", "lacks 'band'", "10 Hz"),
+    "band upside down": typed(22, "60 Hz", "[60 Hz, 1 Hz]", "60 to 1 Hz is empty"),
+    "mass below zero": typed(18, "mass: 5.0", "mass: -5", "above 0"),
+    "mass with a strange unit": typed(18, "mass: 5.0", "mass: 5 kilo", "'5 kilo'", "number"),
+    "force with two components": typed(31, "[0, 1, 1]", "[0, 1]", "3 numbers", "found 2"),
+    # Names.
+    "misspelt body": typed(25, "arm.root", "amr.root", "did you mean 'arm'"),
+    "joint with one end": typed(25, "[hub.face, arm.root]", "[hub.face]", "two points", "found 1"),
+    "misspelt dof": typed(26, "free: [ry]", "free: [yr]", "'yr' is no dof", "x, y, z"),
+    "misspelt motion": typed(34, "measure: [z]", "measure: [w]", "'w' is no dof", "x, y, z"),
+    "misspelt base": typed(23, "base: hub", "base: hubb", "did you mean 'hub'"),
+    "node by a name": typed(9, "tip: {node: 5}", "tip: {node: tip}", "'tip'", "whole number"),
+    "misspelt rule": typed(37, "keep: all", "keep: al", "`all`", "modes: 20"),
+    "misspelt format": typed(41, "[hdf5]", "[hdf]", "did you mean 'hdf5'"),
+    # Matrices.
+    "same matrix twice": Mistake(
+        ("'arm'", "given as mass, too", "Name the mass matrix"),
+        (("mass: {file: arm.op4, matrix: MAA}", "mass: {file: arm.op4, matrix: KAA}"),),
+    ),
+    "stiffness and mass exchanged": Mistake(
+        ("'arm'", r"arm\.op4", "Exchange the two"),
+        (("arm.op4, matrix: KAA", "arm.op4, matrix: X"), ("matrix: MAA", "matrix: KAA"), ("matrix: X", "matrix: MAA")),
+    ),
+    "deck in place of a matrix": Mistake(
+        (r"arm\.bdf", "bulk data", "name the OP4"), (("{file: arm.op4, matrix: KAA}", "{file: arm.bdf}"),)
+    ),
+    "matrix in place of a deck": Mistake(
+        (r"arm\.op4", "no nodes", "name the deck"), (("geometry: arm.bdf", "geometry: arm.op4"),)
+    ),
+    "matrix of another name": Mistake(
+        (r"arm\.npz", "MAA|mass"), (("mass: {file: arm.op4", "mass: {file: arm.npz"),), touch=one_matrix
+    ),
+    # Commands.
+    "run of a matrix": called("run", "D/arm.op4", says=(r"arm\.op4", "not a pipeline file", "cmsreduce inspect")),
+    "run of a deck": called("run", "D/arm.bdf", says=(r"arm\.bdf", "not a pipeline file", "cmsreduce inspect")),
+    "run of a folder": called("run", "D", says=("this is a folder", r"name the file in it: .*study\.yaml")),
+    "run of a report": called(
+        "run", "D/x.html", says=(r"x\.html", "a web page"), touch=written("x.html", "<html></html>")
+    ),
+    "run of an empty file": called("run", "D/e.yaml", says=("empty", "cmsreduce new"), touch=written("e.yaml", "")),
+    "run of a file with a misspelt name": called("run", "D/stdy.yaml", says=(r"did you mean .*study\.yaml",)),
+    "convert of a matrix": called("convert", "D/arm.op4", "D/x.txt", says=(r"arm\.op4", "not a component file")),
+    "convert of a pipeline": called("convert", "P", "D/x.txt", says=("not a component file", "run it: `cmsreduce run")),
+    "convert of nothing": called("convert", "D/no.h5", "D/x.txt", says=(r"no\.h5: there is no such file",)),
+    "convert of a newer file": called(
+        "convert", "D/new.h5", "D/x.txt", says=("format version 99 is newer", "update cmsreduce"), touch=newer
+    ),
+    "convert of a damaged file": called(
+        "convert", "D/new.h5", "D/x.txt", says=(r"new\.h5", "damaged", "again"), touch=damaged
+    ),
+    "report of a folder without a run": called("report", "D", says=("no run directory", "output")),
+    "export of a folder without a run": called("export", "D", "--to", "exudyn", says=(r"system\.h5", "hdf5")),
+    "inspect of nothing": called("inspect", "D/arn.op4", says=("no such file", r"arm\.op4")),
+    "misspelt key of an override": called(
+        "run", "P", "--set", "reduce.cutof=3", says=("--set reduce.cutof", "did you mean 'cutoff'")
+    ),
+    "override without a value": called("run", "P", "--set", "reduce.cutoff", says=("write KEY=VALUE",)),
+    "misspelt key of a sweep": called(
+        "sweep", "P", "--over", "reduce.cutof=1,2", says=("--over reduce.cutof", "did you mean 'cutoff'")
+    ),
+    "misspelt command": called("rnu", "P", says=("No such command 'rnu'", "Did you mean 'run'")),
+    "misspelt option": called("run", "P", "--unitl", "reduce", says=("--unitl", "Did you mean.*--until")),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the study's files for all mistakes: none of them may change a file."""
+    found = tmp_path_factory.mktemp("newcomers") / "study"
+    shutil.copytree(good_study, found, ignore=lambda *_: ["finished", "out"])
+    return found
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+def test_a_mistake_is_named_with_the_next_step(case: Mistake, folder: Path) -> None:
+    from tests.pipeline.study import PIPELINE
+
+    path = folder / "study.yaml"
+    text = PIPELINE.format(output=folder / "out")
+    for old, new in case.change:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    path.write_text(text)
+    if case.touch is not None:
+        case.touch(folder)
+    args = [re.sub("^P$", str(path), re.sub("^D", str(folder), arg)) for arg in case.args]
+    result = CliRunner().invoke(main, args)
+    assert result.exit_code == 2, (result.output, result.exception)
+    assert isinstance(result.exception, SystemExit)
+    message = result.stderr
+    assert len(re.findall("(?im)^error: ", message)) == 1 and "Traceback" not in message, message
+    for pattern in case.says:
+        assert re.search(pattern, message), f"{pattern!r} is not in: {message}"
+    # An engineer reads a screen, not a page.
+    assert len(message) < 1000
