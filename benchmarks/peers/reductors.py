@@ -22,8 +22,8 @@ from pymor.reductors.sobt import SOBTpvReductor
 from pymor.reductors.sor_irka import SORIRKAReductor
 
 Response = np.ndarray
-# Of SOR-IRKA; it converges in fewer or not at all.
-ITERATIONS = 30
+# Most iterations of SOR-IRKA.
+ITERATIONS = 8
 
 
 def responses(model: object, omega: np.ndarray) -> Response:
