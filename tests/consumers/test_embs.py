@@ -123,7 +123,7 @@ def test_every_array_reaches_the_reader(
     assert sid.mass == pytest.approx(terms.mass, rel=1e-14)
     for (term, shape), values in expected.items():
         error = abs(sid.get(term, *shape) - values).max() / max(abs(values).max(), 1e-12)
-        record_property("error", error)
+        record_property("error", float(error))
         assert error <= 1e-12, term
     for at in range(body.node.size):
         places = {"origin": body.position[at][:, None], "phi": body.translation[at], "psi": body.rotation[at]}

@@ -287,7 +287,7 @@ def test_small_motions_in_42_are_those_of_the_assembled_system(
     names = [name.decode() for name in system["outputs"]]
     answer = answer[:, [names.index(name) for name in outputs.SENSORS]]
     apart = np.sqrt(((found - answer) ** 2).mean(axis=0) / (answer**2).mean(axis=0))
-    record_property("error", apart.max())
+    record_property("error", float(apart.max()))
     assert apart.max() < 1e-4, dict(zip(outputs.SENSORS, apart, strict=True))
 
 

@@ -253,7 +253,7 @@ def test_spin_up_in_mbdyn(tmp_path: Path, record_property: Callable[[str, object
     path = np.column_stack([length * c - deflection * s, length * s + deflection * c])
     for found, known in ((deflection, expected[:, 2]), (path, expected[:, :2])):
         error = np.sqrt(((found - known) ** 2).mean() / (known**2).mean())
-        record_property("error", error)
+        record_property("error", float(error))
         assert error < 1e-4
 
 

@@ -61,5 +61,5 @@ def test_large_motions_are_those_of_its_equations(
     for a, b in pairwise(ends):
         found, known = modes[::EVERY][: times.size, a:b], expected[:, a:b]
         error = np.linalg.norm(found - known) / np.linalg.norm(known)
-        record_property("error", error)
+        record_property("error", float(error))
         assert error < 1e-4

@@ -97,7 +97,7 @@ def test_the_interface_answers_as_the_finite_elements(
         expected = condensed(plain.K.toarray(), plain.M.toarray(), rows, w)
         seen = condensed(found["S"], found["M"], np.arange(6), w)
         error = abs(seen - expected).max() / abs(expected).max()
-        record_property("error", error)
+        record_property("error", float(error))
         assert error <= 1e-8
 
 

@@ -108,7 +108,7 @@ def test_steps_are_exact(
         y = linear.C @ x + linear.D @ u
         names = ["spin.rz output", "tip", "los"]
         error = abs(unit.get(*names) - y).max() / abs(y).max()
-        record_property("error", error)
+        record_property("error", float(error))
         assert error <= 1e-10
     assert unit.get("time")[0] == pytest.approx(t * second)
     assert unit.step(t * second, -0.1) == 3

@@ -133,7 +133,7 @@ def test_mbsims_equations_are_those_of_the_particles(
     load[6:] -= f["K"] @ q + f["D"] @ rate
     for found, known in ((M, expected), (h, load)):
         error = abs(found - known).max() / abs(known).max()
-        record_property("error", error)
+        record_property("error", float(error))
         assert error <= 1e-12
 
 

@@ -69,7 +69,7 @@ def test_frames_answer_as_the_finite_elements(tmp_path: Path, record_property: C
         expected = condensed(plain.K.toarray(), plain.M.toarray(), rows, w)
         seen = condensed(found["K"], found["M"], np.arange(18), w)
         error = abs(seen - expected).max() / abs(expected).max()
-        record_property("error", error)
+        record_property("error", float(error))
         assert error <= 1e-8
 
 
