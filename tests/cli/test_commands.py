@@ -137,7 +137,7 @@ BAD = {
     "inspect of a picture": (("inspect", "{folder}/picture.png"), "picture.png", ""),
     "report of no run": (("report", "{folder}"), "no run directory", "finished run"),
     "run of nothing": (("run", "{folder}/nothing.yaml"), "nothing.yaml", "no such file"),
-    "run of a folder": (("run", "{folder}"), "cannot be read", "directory"),
+    "run of a folder": (("run", "{folder}"), "this is a folder", "name the file in it"),
     "run of a matrix file": (("run", "{folder}/arm.op4"), "arm.op4", ""),
     "new with a path": (("new", "a/b"), "'a/b'", "letters"),
 }
