@@ -112,3 +112,10 @@ def test_a_folder_with_files_is_left_alone(robot: Path, tmp_path: Path) -> None:
     with pytest.raises(WriteError, match="holds files already"):
         export_scene(multibody_scene(robot), "exudyn", tmp_path)
     assert (tmp_path / "scene.py").read_text() == "mine"
+
+
+@pytest.mark.parametrize(("program", "says"), [("mbsim", "convert BODY.h5 OUT --for mbsim"), ("exodyn", "'exudyn'")])
+def test_a_program_that_takes_no_scene_is_refused(robot: Path, tmp_path: Path, program: str, says: str) -> None:
+    with pytest.raises(WriteError, match=says):
+        export_scene(multibody_scene(robot), program, tmp_path / "scene")
+    assert not (tmp_path / "scene").exists()

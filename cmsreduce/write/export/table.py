@@ -13,6 +13,7 @@ from cmsreduce.write.component import read_component
 from cmsreduce.write.export.exudyn import write_exudyn_scene
 from cmsreduce.write.export.mbdyn import write_mbdyn_scene
 from cmsreduce.write.export.scene42 import write_42_scene
+from cmsreduce.write.targets import PROFILES
 
 __all__ = ["EXPORTS", "SceneExport", "export_scene"]
 
@@ -65,6 +66,11 @@ def export_scene(scene: MultibodyScene, program: str, folder: Path) -> tuple[Pat
     ReadError
         If a component file is not complete.
     """
+    if program in PROFILES and program not in EXPORTS:
+        raise WriteError(
+            f"{program} gets single bodies and no whole scene: no scene for it was ever run. Write the bodies by "
+            f"`cmsreduce convert BODY.h5 OUT --for {program}`; scenes are for {', '.join(EXPORTS)}"
+        )
     if program not in EXPORTS:
         raise WriteError(not_among("program", program, EXPORTS))
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
