@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.sparse import Factor, InterfaceLast, held_factor
+from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, InterfaceLast, held_factor
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,12 @@ class HeldStiffness:
 
     @classmethod
     def of(
-        cls, K: sp.csc_array, motions: Array, what: str, interface: NDArray[np.int64] | None = None
+        cls,
+        K: sp.csc_array,
+        motions: Array,
+        what: str,
+        interface: NDArray[np.int64] | None = None,
+        sound: float = SOUND_PIVOT,
     ) -> HeldStiffness:
         """Hold a stiffness against (n, k) independent motions, as `held_factor` does; k may be zero.
 
@@ -50,7 +55,7 @@ class HeldStiffness:
         NotPositiveDefiniteError
             If the body has another free motion.
         """
-        return cls(K, *held_factor(K, motions, what, interface))
+        return cls(K, *held_factor(K, motions, what, interface, sound))
 
     def independent(self, motions: Array) -> Array:
         """Free motions of K near the given ones, each of which moves one of the held dofs by one."""

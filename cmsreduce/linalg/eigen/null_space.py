@@ -11,7 +11,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import one_norm
 from cmsreduce.linalg.eigen.held_stiffness import HeldStiffness
 from cmsreduce.linalg.eigen.pencil import energy_parts
-from cmsreduce.linalg.sparse import Factor, NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, NotPositiveDefiniteError, factorise
 from cmsreduce.model import CONDENSATION, DOUBLE
 
 __all__ = [
@@ -38,9 +38,8 @@ _DENSE_LIMIT = 600
 _WANTED = 12
 _ITERATIONS = 4
 _SHIFT = 1e-14
-# A stiffness held against its known motions has no others if every pivot exceeds these: a share of its diagonal entry,
-# and a number of roundings of the file. The pivot of a free motion is only rounding.
-_SOUND_PIVOT, _SOUND_ROUNDINGS = 1e-8, 1e3
+# Every pivot of a stiffness held against all its free motions also exceeds so many roundings of the file.
+_SOUND_ROUNDINGS = 1e3
 # The strain energy of a null vector is at most this many roundings of its absolute terms. The rounding of a file is
 # relative to the decade of a number, so it leaves ten at most. Arithmetic leaves less than one; a soft mode seven
 # decades below the stiffest leaves twenty.
@@ -198,14 +197,17 @@ def only_motions(
         None if K may have a mechanism, or a soft motion that only `stiffness_null_space` distinguishes from one.
     """
     shapes, resisted = _geometric_motions(K, R, rounding)
-    sound = max(_SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
+    sound = max(SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
     # The last pivot is the least energy of a motion that moves its dof by one; here for a typical dof, relative to its
     # diagonal entry. If it is too small, K may resist the motion only because of the digits of the coordinates.
     pivots = np.einsum("ij,ij->j", resisted, K @ resisted) / np.mean(resisted**2 * K.diagonal()[:, None], axis=0)
     weak = pivots <= sound
     motions = np.hstack([shapes, resisted[:, weak]])
-    held = _soundly_held(K, motions, sound, interface)
-    if held is None:
+    try:
+        held = HeldStiffness.of(K, motions, "the stiffness held against its rigid motions", interface, sound)
+    except NotPositiveDefiniteError:
+        return None
+    if held.factor.weakest[1] <= sound:
         return None
     if not weak.any():
         return shapes
@@ -213,21 +215,6 @@ def only_motions(
     own = held.independent(motions)
     left = _left_of(_energy_share(K, shapes), rounding)
     return own if _is_rounding(_energy_share(K, own), left).all() else None
-
-
-def _soundly_held(
-    K: sp.csc_array, motions: Array, sound: float, interface: NDArray[np.int64] | None
-) -> HeldStiffness | None:
-    """Stiffness held against some motions, if no pivot is below ``sound`` of its diagonal entry."""
-    # Dofs of the interface may be too near to each other to hold the body well.
-    for rows in (None,) if interface is None else (interface, None):
-        try:
-            held = HeldStiffness.of(K, motions, "the stiffness held against its rigid motions", rows)
-        except NotPositiveDefiniteError:
-            continue
-        if held.factor.weakest[1] > sound:
-            return held
-    return None
 
 
 def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None = None) -> Array:

@@ -14,6 +14,7 @@ from cmsreduce.linalg.sparse.factorisation import (
 )
 from cmsreduce.linalg.sparse.flexibility import (
     HELD,
+    SOUND_PIVOT,
     ElasticFlexibility,
     InterfaceLast,
     Solve,
@@ -33,6 +34,7 @@ __all__ = [
     "InterfaceLast",
     "NotPositiveDefiniteError",
     "RefinedFactor",
+    "SOUND_PIVOT",
     "Solve",
     "determinate_dofs",
     "factorise",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import scipy.linalg as la
@@ -16,6 +17,7 @@ from cmsreduce.linalg.sparse.parts import part
 
 __all__ = [
     "HELD",
+    "SOUND_PIVOT",
     "ElasticFlexibility",
     "InterfaceLast",
     "Solve",
@@ -27,6 +29,9 @@ __all__ = [
 HELD = 1e-8
 """Rigid motions are independent at an interface when their smallest singular value there exceeds this share of the
 largest. An interface closer to singular amplifies the rounding of a deck."""
+SOUND_PIVOT = 1e-8
+"""A stiffness held against its known motions has no others if every pivot exceeds this share of its diagonal entry: the
+pivot of a free motion is only rounding."""
 # Of dofs that a motion moves this nearly alike the first is taken: rounding of the motions must not choose.
 _ALIKE = 1e-6
 
@@ -109,13 +114,11 @@ class InterfaceLast:
             raise NotPositiveDefiniteError(f"{what} is not positive definite at its interface", int(last[0])) from None
         self._inside, self._last = np.searchsorted(free, inside), np.searchsorted(free, last)
         ratio = self._S.diagonal() ** 2 / own if last.size else np.ones(1)
-        row, inner_ratio = self._interior.weakest
-        at_interface = ratio.min() < inner_ratio
-        self.weakest = (
-            (int(self._last[ratio.argmin()]), float(ratio.min()))
-            if at_interface
-            else (int(self._inside[row]), inner_ratio)
-        )
+        row, least = self._interior.weakest
+        row = int(self._inside[row])
+        if ratio.min() < least:
+            row, least = int(self._last[ratio.argmin()]), float(ratio.min())
+        self.weakest = row, least
         """Row with the smallest ratio of its pivot to its diagonal entry, and this ratio, as of a `Factor`."""
 
     def __call__(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -128,7 +131,11 @@ class InterfaceLast:
 
 
 def held_factor(
-    K: sp.csc_array, motions: NDArray[np.float64], what: str, interface: NDArray[np.int64] | None = None
+    K: sp.csc_array,
+    motions: NDArray[np.float64],
+    what: str,
+    interface: NDArray[np.int64] | None = None,
+    sound: float = SOUND_PIVOT,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Factor | InterfaceLast]:
     """Hold a stiffness at as few dofs as a body has free motions, and factorise it.
 
@@ -142,6 +149,9 @@ def held_factor(
         Name of the matrix in error messages.
     interface : (i,) int64, optional
         Rows that are eliminated last, and among which the body is held, if it is large and they are few and hold it.
+    sound : float
+        Pivots of a body that is held well at its interface exceed this share of their diagonal entries. Dofs that are
+        too near to each other leave smaller ones; others are held then.
 
     Returns
     -------
@@ -164,7 +174,10 @@ def held_factor(
     ):
         interface = np.unique(interface)
         given = interface[determinate_dofs(motions[interface])]
-        return given, np.setdiff1d(rows, given), InterfaceLast(K, interface, given, what)
+        with suppress(NotPositiveDefiniteError):
+            at_interface = InterfaceLast(K, interface, given, what)
+            if at_interface.weakest[1] > sound:
+                return given, np.setdiff1d(rows, given), at_interface
     given = determinate_dofs(motions)
     free = np.setdiff1d(rows, given)
     return given, free, factorise(part(K, free), what=what, kept=True)
