@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 # Patched into the program: reducing meets a fault that nobody foresaw.
 BROKEN = """\
 import sys
-import cmsreduce.pipeline.run.run as it
+import cmsreduce.pipeline.run.bodies as it
 def fail(*args, **named):
     raise {error}
 it.orthogonalise = fail
@@ -117,7 +117,7 @@ def test_what_is_no_fault_leaves_no_crash_file(
     def fail(*args: object, **named: object) -> None:
         raise error
 
-    monkeypatch.setattr("cmsreduce.pipeline.run.run.orthogonalise", fail)
+    monkeypatch.setattr("cmsreduce.pipeline.run.bodies.orthogonalise", fail)
     monkeypatch.chdir(tmp_path)
     done = called("run", study, "--out", tmp_path / "o", "--json")
     said = done.stderr

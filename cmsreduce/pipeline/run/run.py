@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,100 +12,49 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import frequency_response, rigid_substructure
 from cmsreduce.balance import Selection, keep_all
-from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, ProjectKeys, VerifyKeys, build_scene
+from cmsreduce.config import CompareKeys, LimitKeys, Pipeline, ProjectKeys, VerifyKeys
 from cmsreduce.errors import ConfigError, StageError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import (
     Configuration,
     ConfigurationResult,
     Controller,
-    CutoffChoice,
-    FEModel,
     Finding,
     ModalComponent,
-    ReducedComponent,
-    RigidBody,
-    Scene,
     SensitivityRecord,
-    Substructure,
     Values,
 )
-from cmsreduce.orthogonalise import at_parameters, orthogonalise
-from cmsreduce.pipeline.bodies import (
-    WRITTEN_LIMIT,
-    FlexibleBody,
-    Reference,
-    all_modes,
-    copy_of,
-    damped_by_modes,
-    damping_remark,
-    read_flexible,
-    read_rigid,
-    reference,
-    spin_notes,
-)
-from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
-from cmsreduce.pipeline.project import Projected, ProjectStage, ResponseShapes, SceneBasis, SceneShapes
-from cmsreduce.pipeline.run.keys import (
-    body_key,
-    projected_error,
-    read_key,
-    reference_key,
-    reference_model_key,
-    system_key,
-)
+from cmsreduce.orthogonalise import at_parameters
+from cmsreduce.pipeline.bodies import all_modes, damped_by_modes, spin_notes
+from cmsreduce.pipeline.choose import Balancing, Choice
+from cmsreduce.pipeline.project import Projected, ProjectStage, ResponseShapes
+from cmsreduce.pipeline.run.bodies import BodyStages
+from cmsreduce.pipeline.run.keys import projected_error, reference_key, reference_model_key, system_key
 from cmsreduce.pipeline.run.verification import Verification, Verified
 from cmsreduce.pipeline.store import (
     CommonWork,
     Failures,
     Progress,
-    Stages,
     collecting,
     diagnostic,
     once,
     report_failures,
     stage,
 )
-from cmsreduce.pipeline.system import MODEL, AssembledModel, Comparison, ModelMeasure, ReducedModel
+from cmsreduce.pipeline.system import MODEL, Comparison, ModelMeasure, ReducedModel
 from cmsreduce.read import read_controller
-from cmsreduce.reduce import Examined, SceneKrylov
+from cmsreduce.reduce import SceneKrylov
 
 __all__ = ["MODEL", "STAGES", "Run"]
 
 STAGES = ("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write")
 """Stages in the order data flows."""
 
-# Name of the search for the cutoffs in the cache of stages; no component's name holds a dot.
-_CUTOFFS = "auto.cutoff"
-# Sets of bodies as read and of references that points of a sweep hold together: those before and after a change.
-_BODIES = 16
 
+class Run(BodyStages):
+    """One run of a pipeline: the stages of its bodies, and those of the system of all of them.
 
-@dataclass(frozen=True, eq=False)
-class _Reduced:
-    """A reduced body; shares of the static flexibility that it misses under loads on it and on its copies; a remark."""
-
-    component: ReducedComponent
-    missed: Mapping[str, Mapping[str, float]]
-    remark: str = ""
-
-
-class Run:
-    """One run of a pipeline.
-
-    Parameters
-    ----------
-    pipeline : Pipeline
-        The pipeline file, validated.
-    folder : Path
-        Run directory.
-    progress : Progress
-        Listener.
-    only : str, optional
-        The one stage to run; those before it must be finished.
-    common : CommonWork, optional
-        Work shared with other runs of this process, such as other points of a sweep.
+    Takes what :class:`BodyStages` takes.
     """
 
     def __init__(
@@ -129,287 +78,18 @@ class Run:
                 raise ConfigError(
                     f"verify.compare.{label}: `cutoff: auto` is for the run's own model; state a multiple of the band"
                 )
-        self.pipeline, self.folder = pipeline, folder
+        super().__init__(pipeline, folder, progress, only, common)
         self._values: Values = {}
-        self.stages = Stages(folder, progress, only, SolverSettings(**pipeline.solver.model_dump()), common)
-        self.scene: Scene = build_scene(pipeline)
-        self.rigid_bodies: dict[str, RigidBody] = {
-            name: read_rigid(pipeline, name, self.scene)
-            for name, part in pipeline.components.items()
-            if part.rigid is not None
-        }
         # Read first: a wrong file is found before anything is computed.
         self.controller: Controller | None = None
         if (controller := pipeline.scene.controller) is not None:
             names = (tuple(channel.name for channel in group) for group in (self.scene.sensors, self.scene.actuators))
             self.controller = read_controller(controller.file, *names)
 
-    def __repr__(self) -> str:
-        return f"<Run {self.pipeline.name} in {self.folder}>"
-
-    @property
-    def flexible_names(self) -> list[str]:
-        """Flexible bodies."""
-        return [name for name, part in self.pipeline.components.items() if part.rigid is None]
-
-    @property
-    def reduced_names(self) -> list[str]:
-        """Flexible bodies that are reduced; the others enter the system as they were read."""
-        return [name for name in self.flexible_names if self.pipeline.reduce_of(name) is not None]
-
     @property
     def has_response(self) -> bool:
         """The scene has an input and an output to compare."""
         return bool(self.scene.actuators and self.scene.sensors)
-
-    @stage(
-        "read",
-        key=lambda run, name: read_key(run.pipeline, name),
-        notes=lambda run, found, name: found.notes,
-        stored="never",
-        common=_BODIES,
-    )
-    def flexible(self, name: str) -> FlexibleBody:
-        """Read one flexible body and check it; a copy of an earlier one takes what was read and proven there."""
-        original = next(each for each in self.flexible_names if self.body_key(each) == self.body_key(name))
-        if original == name:
-            return read_flexible(self.pipeline, name, self.scene)
-        return copy_of(self.flexible(original), self.pipeline, name, self.scene)
-
-    @once
-    def body_key(self, name: str) -> str:
-        """Hash of the keys that say which body a component is."""
-        return body_key(self.pipeline, name)
-
-    @property
-    @once
-    def bodies(self) -> dict[str, FlexibleBody]:
-        """Flexible bodies, read and checked; joints, actuators and sensors are wired to them as a check."""
-        found = {}
-        for name in self.flexible_names:
-            found[name] = self.flexible(name)
-            self._refuse_unwritable(found[name].body)
-            # Checked before anything is reduced, so that a faulty body shows in the results.
-            _ = found[name].health
-        model = self._in_dofs(found)
-        for configuration in self.scene.configurations:
-            for note in model.wiring(configuration).notes:
-                self.stages.note(note)
-        return found
-
-    def _in_dofs(self, bodies: Mapping[str, FlexibleBody]) -> AssembledModel:
-        bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in bodies.items()}
-        rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
-        return AssembledModel({name: (bare | rigid)[name] for name in self.pipeline.components}, self.scene)
-
-    @property
-    @once
-    def in_dofs(self) -> AssembledModel:
-        """The unreduced bodies in their dofs, joined, without their damping."""
-        return self._in_dofs(self.bodies)
-
-    def _refuse_unwritable(self, body: FEModel) -> None:
-        """Refuse files of an unreduced body that is too large for all its modes, before anything is computed."""
-        if self.pipeline.write is None or self.pipeline.reduce_of(body.name) or body.n <= WRITTEN_LIMIT:
-            return
-        raise ConfigError(
-            f"component '{body.name}': `write.formats` asks for its files, but it has no `reduce:`, and its {body.n} "
-            f"dofs are too many to write it in all its modes (at most {WRITTEN_LIMIT}). Give it "
-            f"`components.{body.name}.reduce`, or take `write:` out"
-        )
-
-    @property
-    def given(self) -> Mapping[str, Mapping[str, object]]:
-        """Bodies and configurations, which stored results refer to by name."""
-        return {
-            FEModel.__name__: {name: flexible.body for name, flexible in self.bodies.items()},
-            Configuration.__name__: {each.name: each for each in self.scene.configurations},
-        }
-
-    @property
-    @once
-    def mode_sets(self) -> ModeSets:
-        """Mode set of each body."""
-        return ModeSets(
-            self.bodies,
-            self.rigid_bodies,
-            self.pipeline,
-            self.scene,
-            lambda: self.cutoffs,
-            lambda name: self._scene_shapes.shapes[name],
-        )
-
-    @property
-    @once
-    def _scene_shapes(self) -> SceneShapes:
-        """Bodies in responses of the scene; the others enter it as they are reduced, or as they were read."""
-        own, subs = self.mode_sets.of_responses, dict[str, Substructure]()
-        for name in (name for name in self.bodies if name not in own):
-            modes = self.modal(name) if name in self.reduced_names else self.references[name].modes
-            subs[name] = self.bodies[name].substructure(self.scene, modes)
-        subs |= {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
-        bodies = {name: self.bodies[name] for name in own}
-        return SceneBasis(bodies, subs, self.scene, asked_error(self.pipeline)).run()
-
-    @property
-    @once
-    def _cutoff_search(self) -> CutoffSearch:
-        def examine(name: str, cutoff_hz: float) -> Examined:
-            with self.stages.timed("reduce", name):
-                return self.mode_sets.examine(name, cutoff_hz, enrich=True)
-
-        return CutoffSearch(self.bodies, self.rigid_bodies, self.scene, examine, self.mode_sets.alike)
-
-    @property
-    @once
-    def _searched_cutoffs(self) -> dict[str, CutoffChoice]:
-        searched = self.mode_sets.searched
-        others = {name: self.modal(name) for name in self.reduced_names if name not in searched}
-        return self._cutoff_search.choose(searched, asked_error(self.pipeline), others)
-
-    def _cutoffs_key(self) -> str | None:
-        sets = self.mode_sets
-        if not sets.searched:
-            return None
-        return cutoff_key(self.pipeline, self.bodies, {name: sets.stated(name) for name in sets.names}, sets.unneeded)
-
-    @property
-    @stage(
-        "reduce",
-        what=_CUTOFFS,
-        key=_cutoffs_key,
-        # The search counts its time under the bodies that it reduces.
-        needs=["_searched_cutoffs"],
-        notes=lambda run, found: [each.note(run.mode_sets.remedies(each.body)) for each in found.values()],
-    )
-    def cutoffs(self) -> dict[str, CutoffChoice]:
-        """Cutoffs found for the bodies whose cutoff is ``auto``."""
-        return self._searched_cutoffs if self.mode_sets.searched else {}
-
-    def _label(self, name: str, other: ModeSetKeys | None = None) -> str:
-        return self.mode_sets.label(name, other)
-
-    def _reduction_label(self, name: str, other: ModeSetKeys | None = None) -> str:
-        return self._label(self.mode_sets.first_alike(name, other), other)
-
-    @stage("reduce", what=_reduction_label, key=lambda run, name, other=None: run.mode_sets.reduce_key(name, other))
-    def _reduction(self, name: str, other: ModeSetKeys | None = None) -> _Reduced:
-        sets, cutoff_hz = self.mode_sets, self.mode_sets.cutoff_hz(name, other)
-        name = sets.first_alike(name, other)
-        found = self._cutoff_search.found(name, cutoff_hz) if other is None else None
-        if found is None:
-            found = sets.examine(name, cutoff_hz, other)
-        remark = self._scene_shapes.note(name) if other is None and name in sets.of_responses else ""
-        return _Reduced(found.component, sets.missed(name, found, other), remark)
-
-    def reduced(self, name: str, other: ModeSetKeys | None = None) -> ReducedComponent:
-        """Reduce one body to its mode set, or to another one.
-
-        Raises
-        ------
-        ConfigError
-            If the body is not to be reduced.
-        """
-        found = self._reduction(name, other).component
-        return found if found.name == name else replace(found, body=self.bodies[name].body)
-
-    def _mode_set_notes(self, found: ModalComponent, name: str, other: ModeSetKeys | None = None) -> Iterator[str]:
-        sets = self.mode_sets
-        key = sets.reduce_key(name, other)
-        stored = "reduce", self._reduction_label(name, other), key
-        missed = self.stages.recall(*stored, "missed") or {}
-        notes = sets.notes(name, missed.get(name, {}), other)
-        of = "" if other is None or sets.label(name, other) == name else f"{self._compared_by(other)}: "
-        yield from (of + note for note in notes)
-        if other is None and (remark := self.stages.recall(*stored, "remark")):
-            yield remark
-        if other is None and (remark := damping_remark(found, self.scene.band[1])) is not None:
-            yield remark
-
-    def _compared_by(self, mode_set: ModeSetKeys) -> str:
-        """The compared models of a mode set, by name."""
-        keys = self.pipeline.verify
-        named = [f"'{label}'" for label, each in (keys.compare if keys else {}).items() if each.reduce == mode_set]
-        return f"compared model{'s' if len(named) > 1 else ''} {', '.join(named)}"
-
-    def _modal_label(self, name: str, other: ModeSetKeys | None = None) -> str:
-        sets, key = self.mode_sets, self.mode_sets.modal_key(name, other)
-        return self._label(next(n for n in sets.alike(name, other) if sets.modal_key(n, other) == key), other)
-
-    @stage(
-        "orthogonalise",
-        what=_modal_label,
-        key=lambda run, name, other=None: run.mode_sets.modal_key(name, other),
-        needs=["_reduction"],
-    )
-    def _modal(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent:
-        found = orthogonalise(self.reduced(name, other))
-        static_above_hz = self.mode_sets.static_above_hz(name, other)
-        return found if static_above_hz is None else found.static_above(2 * np.pi * static_above_hz)
-
-    @stage("", what=_label, notes=_mode_set_notes)
-    def modal(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent:
-        """Bring one reduced body to orthonormal modes; those that lose their mass become static.
-
-        Copies of a body in the same mode set have them from the first of them.
-        """
-        return self._named(self._modal(name, other), name)
-
-    def _named(self, found: ModalComponent, name: str) -> ModalComponent:
-        """Modes that were computed for a body or a copy of it, as those of the body."""
-        return found if found.name == name else replace(found, body=self.bodies[name].body)
-
-    def joined(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
-        """The system of some reduced bodies; a body that is not among them enters as it was read."""
-        shapes: dict[str, ModalComponent | None] = dict(components)
-        for name in self.bodies:
-            if name not in components:
-                shapes[name] = self.references[name].modes
-                self.stages.note(f"{name}: not reduced; it enters the system {self.references[name].words}")
-        return self._assembled(shapes)
-
-    def _assembled(self, shapes: Mapping[str, ModalComponent | None]) -> ReducedModel:
-        subs = {name: self.bodies[name].substructure(self.scene, modes) for name, modes in shapes.items()}
-        subs |= {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
-        return ReducedModel(AssembledModel({name: subs[name] for name in self.pipeline.components}, self.scene), shapes)
-
-    @property
-    @once
-    def untruncated(self) -> ReducedModel:
-        """The system with every mode of the mode sets, before truncation."""
-        return self.joined({name: self.modal(name) for name in self.reduced_names})
-
-    @once
-    def _reference_key(self, name: str) -> str:
-        return reference_key(self.bodies[name], self.mode_sets.cutoff_hz(name))
-
-    @stage(
-        "reference",
-        what=lambda run, name: next(n for n in run.bodies if run._reference_key(n) == run._reference_key(name)),
-        key=lambda run, name: run._reference_key(name),
-        stored="in common",
-        common=_BODIES,
-    )
-    def _reference(self, name: str) -> Reference:
-        flexible = self.bodies[name]
-        return reference(flexible.body, flexible.ports, flexible.rigid, self.mode_sets.cutoff_hz(name))
-
-    def reference(self, name: str) -> Reference:
-        """Representation of one unreduced body; copies of a body have one."""
-        found = self._reference(name)
-        return found if found.modes is None else replace(found, modes=self._named(found.modes, name))
-
-    @property
-    @once
-    def references(self) -> dict[str, Reference]:
-        """The unreduced bodies, as they enter the reference model."""
-        return {
-            # No response depends on the elasticity of a body that is off every path.
-            name: Reference(self.modal(name), "rigid: off every path")
-            if name in self.mode_sets.unneeded
-            else self.reference(name)
-            for name in self.bodies
-        }
 
     def _comparison_key(self) -> str:
         labels = {name: found.label for name, found in self.references.items()}
