@@ -6,7 +6,7 @@ check of HDF5 files that every reader of them needs.
 """
 
 from cmsreduce.model import results
-from cmsreduce.model.body import FEModel, Interface, Recovery, RigidBody, Source, UntiedMass
+from cmsreduce.model.body import FEModel, Interface, Recovery, Source, UntiedMass
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import (
     KEY_STEP,
@@ -39,6 +39,7 @@ from cmsreduce.model.integrals import (
     ModalIntegrals,
     SecondOrder,
 )
+from cmsreduce.model.joint import DOF_NAMES, Joint, JointElement, Point, dof_index
 from cmsreduce.model.mapped_array import (
     CHECKSUM,
     add_dataset,
@@ -62,6 +63,7 @@ from cmsreduce.model.parameters import (
 )
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.results import *  # noqa: F403 - its own face names what it offers
+from cmsreduce.model.rigid_body import RigidBody
 from cmsreduce.model.rounding import (
     ARITHMETIC,
     CONDENSATION,
@@ -73,20 +75,7 @@ from cmsreduce.model.rounding import (
     rounding_of_values,
     spread_noise,
 )
-from cmsreduce.model.scene import (
-    DOF_NAMES,
-    Channel,
-    Configuration,
-    Joint,
-    JointElement,
-    JointTerm,
-    Placement,
-    Point,
-    PointTerm,
-    Scene,
-    StrutTerm,
-    dof_index,
-)
+from cmsreduce.model.scene import Channel, Configuration, JointTerm, Placement, PointTerm, Scene, StrutTerm
 from cmsreduce.model.system import (
     Controller,
     InterfaceLoading,

@@ -1,4 +1,4 @@
-"""Bodies as they come from a finite-element code, rigid bodies, and the interfaces at which they are joined."""
+"""Bodies as they come from a finite-element code, and the interfaces at which they are joined."""
 
 from __future__ import annotations
 
@@ -19,13 +19,11 @@ from cmsreduce.model.parameters import ParameterTerm, Values, varied
 from cmsreduce.model.rounding import CONDENSATION, DOUBLE
 from cmsreduce.model.units import SI, Units
 
-__all__ = ["FEModel", "Interface", "Recovery", "RigidBody", "Source", "UntiedMass"]
+__all__ = ["FEModel", "Interface", "Recovery", "Source", "UntiedMass"]
 
 # A matrix must be symmetric to this multiple of the rounding of its file, or to the error of condensation, relative to
 # the largest entry: a missing triangle or a wrong matrix leaves order 1.
 _SYMMETRY_FACTOR = 1e4
-# Round-off of six printed digits may make the inertia about a rod's axis slightly negative.
-_INERTIA_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,68 +310,3 @@ class FEModel:
         face = self.interfaces[name]
         pairs = zip(face.node, face.components, strict=True)
         return np.concatenate([self.dofs.rows_of(int(node), parts) for node, parts in pairs])
-
-
-@dataclass(frozen=True, eq=False)
-class RigidBody:
-    """A body that does not deform.
-
-    Parameters
-    ----------
-    name : str
-        Name of the body.
-    mass : float
-        Mass, positive.
-    cg : (3,) float64
-        Centre of mass in basic.
-    inertia : (3, 3) float64
-        Inertia tensor about the centre of mass, basic axes: diagonal Ixx Iyy Izz, off-diagonal the negative
-        products of inertia, as the tensor has them.
-    interfaces : mapping of name to Interface
-        Interfaces, at which joints attach; node ids are -1.
-    units : Units
-        Unit system.
-    momentum : (3,) float64
-        Angular momentum of wheels that turn in the body at constant speed, basic axes; their mass is the body's.
-    spun : mapping of parameter to (3,) float64
-        Momentum that each parameter of the scene adds, times its value.
-
-    Raises
-    ------
-    MatrixError
-        If the mass is not positive or no distribution of mass has this inertia.
-    """
-
-    name: str
-    mass: float
-    cg: NDArray[np.float64]
-    inertia: NDArray[np.float64]
-    interfaces: Mapping[str, Interface] = field(default_factory=dict)
-    units: Units = SI
-    momentum: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    spun: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        cg, J = np.asarray(self.cg, dtype=np.float64), np.asarray(self.inertia, dtype=np.float64)
-        if cg.shape != (3,) or J.shape != (3, 3) or not np.isfinite(J).all() or not np.isfinite(cg).all():
-            raise MatrixError(f"rigid body '{self.name}': cg needs 3 numbers and inertia 6: xx yy zz xy xz yz")
-        if not self.mass > 0:
-            raise MatrixError(f"rigid body '{self.name}': mass {self.mass:g} is not positive")
-        principal = np.linalg.eigvalsh(J)
-        slack = _INERTIA_ROUNDING * abs(principal).max()
-        if principal[0] < -slack or principal[0] + principal[1] < principal[2] - slack:
-            raise MatrixError(
-                f"rigid body '{self.name}': no mass distribution has principal inertias "
-                f"{', '.join(f'{p:g}' for p in principal)} (each must be positive and at most the sum of the other "
-                "two). Order is xx yy zz xy xz yz, tensor components about the cg"
-            )
-        object.__setattr__(self, "cg", cg)
-        object.__setattr__(self, "inertia", J)
-
-    def momentum_at(self, values: Values) -> NDArray[np.float64]:
-        """Angular momentum of its wheels (3,) at some values of the parameters."""
-        added = [values.get(name, 0.0) * vector for name, vector in self.spun.items()]
-        return np.asarray(np.sum([self.momentum, *added], axis=0))
-
-    def __repr__(self) -> str:
-        return f"<RigidBody {self.name}: mass {self.mass:g}, {len(self.interfaces)} interfaces>"

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError, not_among
-from cmsreduce.model.body import Interface, RigidBody
-from cmsreduce.model.scene import Channel, Configuration, Joint, Placement, Point, Scene
+from cmsreduce.model.body import Interface
+from cmsreduce.model.joint import Joint, Point
+from cmsreduce.model.rigid_body import RigidBody
+from cmsreduce.model.scene import Channel, Configuration, Placement, Scene
 
 __all__ = ["MultibodyScene", "SceneBody", "SceneJoint"]
 

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.model.body import Interface
+from cmsreduce.model.joint import Joint
 from cmsreduce.model.parameters import ParameterTerm, Values, unresisted, varied
-from cmsreduce.model.scene import Configuration, Joint
+from cmsreduce.model.scene import Configuration
 
 __all__ = [
     "Controller",

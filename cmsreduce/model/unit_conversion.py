@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from cmsreduce.model.body import FEModel, Interface, Recovery, RigidBody
+from cmsreduce.model.body import FEModel, Interface, Recovery
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import DofTable
 from cmsreduce.model.geometric_stiffness import UnitLoad
 from cmsreduce.model.integrals import SecondOrder
+from cmsreduce.model.rigid_body import RigidBody
 from cmsreduce.model.units import Units
 
 __all__ = ["in_units", "load_stiffness_in_units", "matrix_in_units", "recovery_in_units", "rigid_in_units"]

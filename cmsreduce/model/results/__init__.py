@@ -4,18 +4,7 @@ Frozen dataclasses that the summary, the report and the terminal share belong he
 Code that measures, prints or draws belongs elsewhere; so do findings that only their own room uses.
 """
 
-from cmsreduce.model.results.choices import (
-    BoundRecord,
-    CertificateRecord,
-    CutoffChoice,
-    ExtraneousMode,
-    ProjectionRecord,
-    SampledModes,
-    SearchRecord,
-    SensitivityCase,
-    SensitivityRecord,
-    SolvedPoint,
-)
+from cmsreduce.model.results.choices import BoundRecord, CutoffChoice, SearchRecord, SensitivityCase, SensitivityRecord
 from cmsreduce.model.results.component import (
     MISSING_INERTIA,
     AxisCompleteness,
@@ -40,6 +29,13 @@ from cmsreduce.model.results.errors import (
 from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding, health_data
 from cmsreduce.model.results.measured import BETWEEN, CONTROLLER_LIMITS, Measured
+from cmsreduce.model.results.projection import (
+    CertificateRecord,
+    ExtraneousMode,
+    ProjectionRecord,
+    SampledModes,
+    SolvedPoint,
+)
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
     ChannelZeros,

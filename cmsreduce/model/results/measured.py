@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cmsreduce.model.results.choices import ProjectionRecord
 from cmsreduce.model.results.component import AxisCompleteness
 from cmsreduce.model.results.configuration import ConfigurationResult, SystemModes
 from cmsreduce.model.results.errors import ERRORS, BetweenErrors, Finding, ModelErrors, UnpairedMode
 from cmsreduce.model.results.failures import Failure, failure_findings
+from cmsreduce.model.results.projection import ProjectionRecord
 from cmsreduce.model.results.reduction_checks import ControllerMargin, ReductionChecks
 
 __all__ = ["BETWEEN", "CONTROLLER_LIMITS", "Measured"]

@@ -11,8 +11,8 @@ from cmsreduce.errors import WriteError
 from cmsreduce.mechanics import bars_stiffness, modal_integrals, modal_stiffening
 from cmsreduce.model import INERTIA_LOADS, SQUARES, UnitLoad
 from cmsreduce.write import ComponentFile
-from cmsreduce.write.component.component_file import fault
 from cmsreduce.write.component.flexible_body import frame_stiffening
+from cmsreduce.write.component.layout import fault
 from tests.frames import BAR, frame, rotation
 from tests.mechanics.test_geometric_stiffness import bars_of
 
