@@ -23,6 +23,9 @@ _ANSWER, _FIRST = 20, 3600
 _PATIENCE = 120
 # The scheduler's own page takes any free port: two sweeps may run on one machine.
 _ANY_PORT = ":0"
+# Environment of the processes. Dask's own one also tells the allocator to return all memory at once, and fixes its
+# thresholds by that: a sweep then spends a third of its time on pages that it gives back and takes again.
+_ENVIRONMENT = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1)
 # Share of the memory of a process that a factor may take; the rest is for the basis.
 _SHARE = 0.9
 
@@ -109,26 +112,31 @@ def batch_cluster(keys: ClusterKeys) -> Any:
 
 @contextmanager
 def _started(keys: ClusterKeys) -> Iterator[Any]:
+    import dask.config
+
+    with dask.config.set({"distributed.nanny.pre-spawn-environ": _ENVIRONMENT}), _cluster(keys) as cluster:
+        yield cluster
+
+
+def _cluster(keys: ClusterKeys) -> Any:
     from distributed import LocalCluster, SSHCluster
 
     memory = None if keys.memory is None else int(keys.memory)
     if keys.kind == "local":
         limit = {} if memory is None else {"memory_limit": memory}
-        cluster = LocalCluster(n_workers=keys.workers, threads_per_worker=1, dashboard_address=_ANY_PORT, **limit)
-    elif keys.kind == "ssh":
+        return LocalCluster(n_workers=keys.workers, threads_per_worker=1, dashboard_address=_ANY_PORT, **limit)
+    if keys.kind == "ssh":
         hosts = keys.hosts or []
         options: dict[str, Any] = {"nthreads": 1, "n_workers": math.ceil(keys.workers / len(hosts))}
         if memory is not None:
             options["memory_limit"] = memory
         try:
-            cluster = SSHCluster([hosts[0], *hosts], worker_options=options, remote_python=keys.python)
+            return SSHCluster([hosts[0], *hosts], worker_options=options, remote_python=keys.python)
         except (OSError, RuntimeError, ImportError) as error:
             raise ConfigError(f"kind: ssh: the processes cannot be started ({' '.join(str(error).split())})") from None
-    else:
-        cluster = batch_cluster(keys)
-        cluster.scale(jobs=keys.workers)
-    with cluster:
-        yield cluster
+    cluster = batch_cluster(keys)
+    cluster.scale(jobs=keys.workers)
+    return cluster
 
 
 def _check(client: Any, where: str, needed: Path) -> None:
