@@ -1,9 +1,10 @@
-"""A sweep of 200 points: on one core, on several, and as separate runs that share nothing.
+"""A sweep of 200 points: on one core, on several, on a Dask cluster, and as separate runs that share nothing.
 
 Methods x angles x cutoffs x orders of the Galileo sample; an order is the least share of the largest coefficient that
 is kept. Each way starts in a new process from an empty folder, with as many threads of algebra as its cores give it,
 and every point writes its component files in all of them. Separate runs are timed on a sample of points, evenly spread,
-and scaled up; ``--separate 200`` times them all.
+and scaled up; ``--separate 200`` times them all. ``--efficiency`` prints the table of processes alone: measured for 1
+and 2, and beyond by Amdahl's law with the serial part and the start that these measure.
 """
 
 from __future__ import annotations
@@ -57,11 +58,36 @@ def processor_time() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def swept(folder: Path, jobs: int, cores: int | None = None) -> NDArray[np.float64]:
-    """Wall and processor time of the sweep for a number of processes, on all cores or on some."""
-    over = [word for key, values in OVER.items() for word in ("--over", f"{key}={','.join(values)}")]
+def swept(
+    folder: Path, jobs: int, cores: int | None = None, cluster: Path | None = None, most: int | None = None
+) -> NDArray[np.float64]:
+    """Wall and processor time of the sweep for a number of processes, on all cores or on some, here or on a cluster."""
+    over = [word for key, values in OVER.items() for word in ("--over", f"{key}={','.join(values[:most])}")]
     sets = [word for text in SET for word in ("--set", text)]
-    return seconds_of("sweep", str(PIPELINE), *sets, *over, "--jobs", str(jobs), "--out", str(folder), cores=cores)
+    where = ["--jobs", str(jobs)] if cluster is None else ["--cluster", str(cluster)]
+    return seconds_of("sweep", str(PIPELINE), *sets, *over, *where, "--out", str(folder), cores=cores)
+
+
+def efficiency(folder: Path, most: int | None) -> None:
+    """Table of processes: seconds and efficiency, of processes of this machine and of a Dask cluster."""
+    file = folder / "cluster.yaml"
+    file.write_text("kind: local\nworkers: 2\nthreads: 1\n")
+    one = swept(folder / "one", 1, 1, most=most)[0]
+    print("| processes | --jobs, s | efficiency | Dask, s | efficiency |\n|---|---|---|---|---|")
+    print(f"| 1 | {one:.1f} | | | |")
+    columns = []
+    for kind, cluster in (("jobs", None), ("dask", file)):
+        two = swept(folder / kind, 2, cluster=cluster, most=most)[0]
+        # What one point takes beyond the same without processes is their start.
+        points = [swept(folder / f"{kind}{n}", n, n, where, most=1)[0] for n, where in ((1, None), (2, cluster))]
+        start = max(points[1] - points[0], 0.0)
+        # One process takes the serial part and the shared one; two take their start, the serial part, and half of it.
+        shared = min(2 * (one - two + start), one)
+        columns.append([two, *(start + one - shared + shared / n for n in (8, 64, 256))])
+        print(f"{kind}: start {start:.1f} s, serial {one - shared:.1f} s", file=sys.stderr)
+    for n, *times in zip((2, 8, 64, 256), *columns, strict=True):
+        cells = " | ".join(f"{time:.1f} | {100 * one / (n * time):.0f} %" for time in times)
+        print(f"| {n}{'' if n == 2 else ', by the model'} | {cells} |")
 
 
 def alone(folder: Path, values: tuple[str, ...], number: int) -> NDArray[np.float64]:
@@ -88,11 +114,16 @@ def main() -> None:
     reader = argparse.ArgumentParser(description=__doc__)
     reader.add_argument("--separate", type=int, default=20, help="points timed as separate runs")
     reader.add_argument("--jobs", type=int, default=2)
+    reader.add_argument("--efficiency", action="store_true", help="the table of processes alone")
+    reader.add_argument("--values", type=int, help="with --efficiency: so many values of each key")
     asked = reader.parse_args()
     points = list(itertools.product(*OVER.values()))
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        if asked.efficiency:
+            efficiency(folder, asked.values)
+            return
         one = swept(folder / "one", 1, 1)
         print(f"{len(points)} points on one core: {said(one)} ({statuses(folder / 'one')})", flush=True)
         threaded = swept(folder / "threaded", 1)
