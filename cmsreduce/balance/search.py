@@ -164,6 +164,7 @@ class _Search:
         self, components: Mapping[str, ModalComponent], judge: Judge, limit: float, among: Selection | None
     ) -> None:
         self.names, self.judge, self.limit, self.every = list(components), judge, limit, among is None
+        self.of_responses = any("response" in each.kind for each in components.values())
         self.groups = [
             (name, columns)
             for name, c in components.items()
@@ -178,7 +179,7 @@ class _Search:
         everything = frozenset(range(len(self.groups)))
         if self._error(everything, np.inf) > self.limit:
             finding, modes = self.judge.critical(self.selection(everything)), int(self.sizes.sum())
-            raise ConfigError(_unreachable(finding, modes, all_of_them=self.every))
+            raise ConfigError(_unreachable(finding, modes, all_of_them=self.every, of_responses=self.of_responses))
         best = everything
         truncated: dict[str, int] = {}
         for name, coefficients in rankings.items():
@@ -318,7 +319,7 @@ class _Search:
         return None
 
 
-def _unreachable(finding: Finding, modes: int, *, all_of_them: bool) -> str:
+def _unreachable(finding: Finding, modes: int, *, all_of_them: bool, of_responses: bool) -> str:
     """Message on a limit that all modes together do not meet, with the next step."""
     place = f" in {finding.note}" if finding.note else ""
     if np.isnan(finding.value):
@@ -327,6 +328,14 @@ def _unreachable(finding: Finding, modes: int, *, all_of_them: bool) -> str:
             "choose the modes by another rule"
         )
     which, step = "below the cutoff", "Raise reduce.cutoff, or allow a larger error"
+    if of_responses:
+        which, step = (
+            "and shapes",
+            (
+                "Scene shapes are made for `frf_error`: state a smaller limit of it, which they are made for then, or take "
+                "`reduce: {method: macneal-rubin}`"
+            ),
+        )
     if not all_of_them:
         which, step = "that other limits allow", "Allow a higher highest_frequency, or a larger error"
     return (

@@ -89,6 +89,12 @@ def test_a_scene_of_two_bodies_and_several_angles_has_the_error_that_is_estimate
         assert abs(rigid.T @ (body.M @ V)).max() < 1e-9 * abs(body.M @ V).max()
 
 
+def test_a_search_that_scene_shapes_cannot_satisfy_names_what_makes_more_of_them(opened: Callable[..., Run]) -> None:
+    run = opened(SCENE, "balance={keep: {frf_error: 1e-9}}", ONE_ANGLE, "scene.band=300 Hz")
+    with pytest.raises(ConfigError, match=r"all \d+ modes and shapes leave .* made for `frf_error`: state a smaller"):
+        _ = run.choice
+
+
 WELDED = """\
 name: welded
 output: {output}

@@ -135,6 +135,8 @@ def _result(run: Run) -> RunResult:
     configurations = verified.configurations if verified else ()
     stages = ("reduce", "orthogonalise")
     reduce_s = sum(seconds.get(name, {}).get(stage, 0.0) for name in run.bodies for stage in stages)
+    keep = run.pipeline.balance and run.pipeline.balance.keep
+    searched = keep.minimise if keep and keep.limits else None
     return RunResult(
         name=run.pipeline.name,
         version=__version__,
@@ -153,7 +155,7 @@ def _result(run: Run) -> RunResult:
         reference=verified.reference if verified else {},
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
         systems=systems,
-        notes=(*run.stages.notes, *coarse, *advice_notes(components, systems, run.scene.band[1])),
+        notes=(*run.stages.notes, *coarse, *advice_notes(components, systems, run.scene.band[1], searched)),
         projection=None if run.projected is None else run.projected.record,
         search=run.choice.search,
         sensitivity=run.sensitivity,

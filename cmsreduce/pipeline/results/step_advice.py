@@ -86,7 +86,10 @@ def treated_model(run: Run, costly: Mapping[str, CostlyModes]) -> AssembledModel
 
 @diagnostic("the advice on time steps", tuple)
 def advice_notes(
-    components: Mapping[str, ComponentResult], systems: Sequence[SystemModes], band_hz: float
+    components: Mapping[str, ComponentResult],
+    systems: Sequence[SystemModes],
+    band_hz: float,
+    searched: str | None = None,
 ) -> tuple[str, ...]:
     """Name costly modes, with the key that treats them statically, and bodies that single precision would change.
 
@@ -98,11 +101,24 @@ def advice_notes(
         With the highest frequencies before and after static treatment.
     band_hz : float
         Upper end of the band.
+    searched : str, optional
+        ``modes`` or ``cost``, for which the run has searched the smallest model that meets the limits.
     """
-    return tuple(_advice(components, systems, band_hz))
+    return tuple(_advice(components, systems, band_hz, _fewer(searched)))
 
 
-def _advice(components: Mapping[str, ComponentResult], systems: Sequence[SystemModes], band_hz: float) -> Iterator[str]:
+def _fewer(searched: str | None) -> str:
+    """The search that would leave costly modes out, beyond the one that the run has made."""
+    if searched is None:
+        return "`balance: {keep: limits}` leaves out modes that no limit needs"
+    if searched == "modes":
+        return "`balance: {keep: {limits: all, minimise: cost}}` may meet the limits by slower modes"
+    return "the search for the lowest cost found no model without them that meets the limits"
+
+
+def _advice(
+    components: Mapping[str, ComponentResult], systems: Sequence[SystemModes], band_hz: float, fewer: str
+) -> Iterator[str]:
     keys = []
     for name, part in components.items():
         found = part.costly
@@ -113,8 +129,7 @@ def _advice(components: Mapping[str, ComponentResult], systems: Sequence[SystemM
             more = f" and {len(found.modes) - _NAMED} more" if len(found.modes) > _NAMED else ""
             yield (
                 f"{name}: modes {named}{more} limit the time step of this body, and each changes its flexibility in "
-                f"the band by less than {100 * found.share:g} %: `balance: {{keep: limits}}` leaves out modes that no "
-                "limit needs"
+                f"the band by less than {100 * found.share:g} %: {fewer}"
             )
             keys.append(f"components.{name}.reduce.static_above: {static_above(found, band_hz):g}")
     highest, treated = (

@@ -89,6 +89,20 @@ def steps(highest: float, treated: float) -> str:
     return list(advice_notes({"panel": part}, (system,), 60.0))[-1]
 
 
+@pytest.mark.parametrize(
+    ("searched", "said"),
+    [
+        (None, "`balance: {keep: limits}` leaves out"),
+        ("modes", "`balance: {keep: {limits: all, minimise: cost}}` may"),
+        ("cost", "the search for the lowest cost found no model without them"),
+    ],
+)
+def test_costly_modes_are_left_to_a_search_that_the_run_has_not_made(searched: str | None, said: str) -> None:
+    costly = CostlyModes((CostlyMode(9, 438.0, "fixed", 1e-5),), 100.0, 2.0, 1e-3)
+    (note,) = advice_notes({"panel": SimpleNamespace(costly=costly, rounding=None)}, (), 60.0, searched)
+    assert note.startswith("panel: modes 9 (438 Hz, fixed)") and said in note
+
+
 def test_static_treatment_is_advised_only_where_steps_get_longer() -> None:
     assert "lowers the assembly's highest frequency from 438 Hz to 100 Hz, for steps 4.38 times" in steps(438.0, 100.0)
     worse = steps(438.0, 9082.0)
