@@ -332,8 +332,8 @@ def _unreachable(finding: Finding, modes: int, *, all_of_them: bool, of_response
         which, step = (
             "and shapes",
             (
-                "Scene shapes are made for `frf_error`: state a smaller limit of it, which they are made for then, or take "
-                "`reduce: {method: macneal-rubin}`"
+                "Scene shapes are made for `frf_error`: state a smaller limit of it, which they are made for then, or "
+                "take `reduce: {method: macneal-rubin}`"
             ),
         )
     if not all_of_them:

@@ -113,16 +113,18 @@ def _bodies(run: RunResult) -> Table:
     """Body, dofs, modes kept, and the figures that a user compares with the finite-element program's."""
     rows = []
     for name, part in run.components.items():
-        hertz = part.modes.frequencies_hz[part.modes.elastic]
+        elastic = part.modes.frequencies_hz[part.modes.elastic]
         mass = next((each.words for each in part.health if each.key == ("mass_properties", "geometry", "mass")), "")
-        first = f"{number(float(hertz.min()), 6)} Hz" if hertz.size else ""
+        first = f"{number(float(elastic.min()), 6)} Hz" if elastic.size else ""
         highest = f"{number(part.highest_hz)} Hz" if part.highest_hz > 0 else ""
         failed = [check for check in part.checks if not check.passed]
         kept = f"{part.kept_modes} of {part.modes.elastic_count}"
         checks = f"{len(failed)} FAIL" if failed else f"{len(part.checks)} PASS"
         rows.append([name, part.modes.method, str(part.full_dofs), kept, mass, first, highest, checks])
-    heads = ("dofs", "modes kept", "mass", "first mode", "highest kept", "checks")
-    return table((words("body"), words("method"), *map(figures, heads)), rows, edges=False)
+    counts, hertz = ("dofs", "modes kept"), ("first mode", "highest kept", "checks")
+    # A mass that differs by axis is a sentence: it is folded, between words, before any name is.
+    columns = (words("body"), words("method", no_wrap=True), *map(figures, counts), words("mass", justify="right"))
+    return table((*columns, *map(figures, hertz)), rows, edges=False)
 
 
 def _errors(run: RunResult) -> Table:
