@@ -107,14 +107,13 @@ def _advice(components: Mapping[str, ComponentResult], systems: Sequence[SystemM
     for name, part in components.items():
         found = part.costly
         if found is not None and found.gain >= _LONGER_STEP:
-            named = ", ".join(
-                f"{each.mode} ({each.hz:.4g} Hz, {each.kind})" for each in reversed(found.modes[-_NAMED:])
-            )
-            more = f" and {len(found.modes) - _NAMED} more" if len(found.modes) > _NAMED else ""
+            modes = found.modes[-_NAMED:]
+            named = ", ".join(str(each.mode) for each in modes)
+            more = f" and {len(found.modes) - _NAMED} lower ones" if len(found.modes) > _NAMED else ""
             yield (
-                f"{name}: modes {named}{more} limit the time step of this body, and each changes its flexibility in "
-                f"the band by less than {100 * found.share:g} %: `balance: {{keep: limits}}` leaves out modes that no "
-                "limit needs"
+                f"{name}: modes {named} (to {modes[-1].hz:.4g} Hz){more} limit its time step, and each changes its "
+                f"flexibility in the band by less than {100 * found.share:g} %: try `balance: {{keep: limits}}`, which "
+                "leaves out what no limit needs"
             )
             keys.append(f"components.{name}.reduce.static_above: {static_above(found, band_hz):g}")
     highest, treated = (
@@ -133,8 +132,7 @@ def _advice(components: Mapping[str, ComponentResult], systems: Sequence[SystemM
         elif treated > _HIGHER * highest:
             yield (
                 f"{treatment} would raise the assembly's highest frequency from {highest:.4g} Hz to {treated:.4g} Hz, "
-                "and shorten its steps: joints would act on springs without mass. Keep the mass of these modes, or "
-                "leave the modes out (`balance.keep`)"
+                "and shorten its steps: joints would act on springs without mass. Keep the mass of these modes"
             )
         else:
             yield (
