@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,7 +119,7 @@ def parse(text: str, source: str, folder: Path, in_override: bool = False) -> En
     try:
         node = yaml.compose(text)
     except MarkedYAMLError as error:
-        _refuse_syntax(error, source, in_override)
+        _refuse_syntax(error, text, source, in_override)
     except YAMLError as error:
         raise ConfigError(f"{source}: this is not YAML text: {' '.join(str(error).split())}") from None
     reader = _Reader(yaml, source, folder, in_override)
@@ -136,16 +137,27 @@ _SYNTAX = (
     ),
     (
         "mapping values are not allowed",
-        "a ':' where no key can be: a text that holds ': ' needs quotes, a colon a blank after it (see the line above, "
-        "too), and keys of one mapping the same indentation",
+        "a ':' where no key can be: a text that holds ': ' needs quotes, and keys of one mapping the same indentation",
     ),
     ("expected ',' or '", "the bracket that opens in line {} is not closed, or a comma is missing before this place"),
     ("another document", "a second document starts here; a pipeline is one document, without '---' inside"),
 )
 
 
-def _refuse_syntax(error: MarkedYAMLError, source: str, in_override: bool) -> NoReturn:
+# A key with its value, and no blank between them: YAML takes both for one text, and the next line for wrong.
+_NO_BLANK = re.compile(r"\s*([\w-]+):[^\s:/\\]")
+
+
+def _refuse_syntax(error: MarkedYAMLError, text: str, source: str, in_override: bool) -> NoReturn:
     mark, start = error.problem_mark or error.context_mark, error.context_mark
+    if mark is not None and not in_override:
+        lines = text.split("\n")
+        for number in (mark.line, mark.line - 1):
+            if 0 <= number < len(lines) and (found := _NO_BLANK.match(lines[number])) is not None:
+                where, key = f"{source}:{number + 1}:{found.end(1) + 1}", found[1]
+                raise ConfigError(f"{where}: YAML syntax: no blank after the colon of '{key}': write {key}: VALUE")
+    if "could not find expected ':'" in (error.problem or ""):
+        mark = start
     where = source if mark is None or in_override else f"{source}:{mark.line + 1}:{mark.column + 1}"
     problem = ", ".join(part for part in (error.context, error.problem) if part) or "the text cannot be read"
     known = (words for found, words in _SYNTAX if found in problem)

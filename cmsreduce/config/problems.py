@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ __all__ = [
 # More messages would push the first one off the screen, and that one often causes the others.
 _MOST_REPORTED = 10
 
+_WITH_UNIT = re.compile(r"[-+\d.]+\s*[^\d\s]")
 _EXPECTED = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -175,7 +177,9 @@ def _wording(error: ErrorDetails, grammar: type[Keys]) -> str:
     if kind in _EXPECTED:
         known = known_keys(error["loc"], grammar) if kind == "model_type" else []
         keys = f" with keys {', '.join(known)}" if known else ""
-        return f"found {found}, expected {_EXPECTED[kind]}{keys}{_for_example(error['loc'], grammar)}"
+        # A number is in the units that the file states for the scene or the body.
+        bare = " without a unit" if kind in ("float_type", "int_type") and _WITH_UNIT.match(str(error["input"])) else ""
+        return f"found {found}, expected {_EXPECTED[kind]}{bare}{keys}{_for_example(error['loc'], grammar)}"
     return f"{error['msg']}, found {found}"
 
 

@@ -258,9 +258,19 @@ def expect_kind(path: Path, wanted: str) -> None:
         return
     kind = file_kind(path)
     if kind.name not in (*kinds, "empty", "unknown"):
-        raise ReadError(f"{path}: this is {kind.words}, not {words}: {kind.step or _INSPECT.format(path=path)}")
+        step = kind.step or _INSPECT.format(path=path)
+        if wanted == "pipeline" and (kind.matrices or kind.geometry):
+            step = f"{step}, and `cmsreduce new NAME FILE...` makes a pipeline from the matrices and the deck of a body"
+        elif step == _NO_MODEL:
+            step = f"name {_NEEDED[wanted]}"
+        raise ReadError(f"{path}: this is {kind.words}, not {words}: {step}")
 
 
+_NEEDED = {
+    "pipeline": "the YAML file of the run",
+    "component": "NAME.h5 in the folder of the run",
+    "result": "the folder of the run",
+}
 _FILES_OF = {"pipeline": "*.y*ml", "component": "*.h5"}
 
 

@@ -81,7 +81,13 @@ def require_file(path: Path) -> None:
         folder = path.parent
         names = [item.name for item in folder.iterdir()] if folder.is_dir() else []
         near = difflib.get_close_matches(path.name, names, n=1)
-        hint = f"; there is a {near[0]}" if near else "" if folder.is_dir() else f"; there is no folder {folder}"
+        hint = (
+            f", did you mean {folder / near[0]}?"
+            if near
+            else ""
+            if folder.is_dir()
+            else f"; there is no folder {folder}"
+        )
         raise ReadError(f"{path}: there is no such file{hint}")
     if path.is_dir():
         raise ReadError(f"{path}: is a folder, not a file; name the matrix file in it")

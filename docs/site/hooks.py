@@ -13,11 +13,16 @@ from api_pages import ROOMS, api_page
 from key_page import key_page
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+from notebook_page import PLOTLY, notebook_page, plotly_script
 
 from cmsreduce.config import json_schema
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "sample_models/*/README.md", "benchmarks/*.md")
+NOTEBOOKS = "examples/notebooks/*.ipynb"
+# The first page of the site, and the place that leaves for the page of that name.
+START = {"docs/index.md": "index.html", "README.md": "README.html"}
 _LINK = re.compile(r"\]\(([^)#:\s]+)[^)\s]*\)")
 
 
@@ -55,7 +60,20 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         if file.src_dir == config.docs_dir:
             files.remove(file)
     for path in repository_files():
-        files.append(File(str(path), str(ROOT), config.site_dir, config.use_directory_urls))
-    for path, text in reference_pages().items():
+        file = File(str(path), str(ROOT), config.site_dir, config.use_directory_urls)
+        file.dest_uri = START.get(str(path), file.dest_uri)
+        files.append(file)
+    generated = reference_pages()
+    for notebook in sorted(ROOT.glob(NOTEBOOKS)):
+        path = notebook.relative_to(ROOT).with_suffix(".md")
+        generated[path.as_posix()] = notebook_page(notebook, "../" * (len(path.parts) - 1))
+    generated[PLOTLY] = plotly_script()
+    generated["assets/iframe-worker.js"] = (ROOT / "docs/site/search_worker.js").read_text(encoding="utf-8")
+    for path, text in generated.items():
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Lead to the page of a notebook, not to its file; the page itself offers the file."""
+    return markdown if page.file.src_uri.startswith("examples/") else markdown.replace(".ipynb)", ".md)")

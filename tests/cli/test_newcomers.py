@@ -70,8 +70,8 @@ CASES = {
     "tab": typed(5, "  arm:\n", "\tarm:\n", "a tab", "spaces"),
     "indented too little": typed(24, "  joints:\n", " joints:\n", "same column"),
     "indented too much": typed(23, "  band: 60 Hz", "    band: 60 Hz", "same column"),
-    "no blank after a colon": typed(23, "band: 60 Hz", "band:60 Hz", "blank after"),
-    "no colon": typed(22, "scene:\n", "scene\n", "line 21 has no ': '", "KEY: VALUE"),
+    "no blank after a colon": typed(22, "band: 60 Hz", "band:60 Hz", "no blank", "write band: VALUE"),
+    "no colon": typed(21, "scene:\n", "scene\n", "line 21 has no ': '", "KEY: VALUE"),
     "bracket left open": typed(41, "{frf_error: 0.05}", "{frf_error: 0.05", "opens in line 40"),
     "list in place of keys": typed(
         36, "{method: craig-bampton, cutoff: 15}", "[craig-bampton, 15]", "a list", "method"
@@ -83,17 +83,21 @@ CASES = {
     "misspelt section": typed(4, "components:", "component:", "did you mean 'components'"),
     # Values and units.
     "number in words": typed(36, "cutoff: 15", "cutoff: fifteen", "'fifteen'", "number"),
-    "cutoff in hertz": typed(36, "cutoff: 15", "cutoff: 900 Hz", "'900 Hz'", "number, e.g. 2.0"),
+    "cutoff in hertz": typed(
+        36, "cutoff: 15", "cutoff: 900 Hz", "'900 Hz'", "number, e.g. 2.0", "multiples of the upper end of scene.band"
+    ),
     "cutoff of nothing": typed(36, "cutoff: 15", "cutoff: 0", "above 0"),
     "cutoff below zero": typed(36, "cutoff: 15", "cutoff: -2", "above 0"),
     "damping of 500 per cent": typed(10, "modal: 0.01", "modal: 5", "500 %", r"mean 0\.05"),
     "limit of 500 per cent": typed(40, "frf_error: 0.05", "frf_error: 5", "500 %", r"mean 0\.05"),
-    "per cent in words": typed(40, "frf_error: 0.05", "frf_error: 5 percent", "'5 percent'", r"e\.g\. 0\.05"),
+    "per cent in words": typed(
+        40, "frf_error: 0.05", "frf_error: 5 percent", "'5 percent'", r"number without a unit, e\.g\. 0\.05"
+    ),
     "misspelt limit": typed(40, "frf_error", "frf_eror", "did you mean 'frf_error'"),
     "scene without a band": typed(21, "  band: 60 Hz\n", "", "lacks 'band'", "10 Hz"),
     "band upside down": typed(22, "60 Hz", "[60 Hz, 1 Hz]", "60 to 1 Hz is empty"),
     "mass below zero": typed(18, "mass: 5.0", "mass: -5", "above 0"),
-    "mass with a strange unit": typed(18, "mass: 5.0", "mass: 5 kilo", "'5 kilo'", "number"),
+    "mass with a strange unit": typed(18, "mass: 5.0", "mass: 5 kilo", "'5 kilo'", "number without a unit"),
     "force with two components": typed(31, "[0, 1, 1]", "[0, 1]", "3 numbers", "found 2"),
     # Names.
     "misspelt body": typed(25, "arm.root", "amr.root", "did you mean 'arm'"),
@@ -106,11 +110,11 @@ CASES = {
     "misspelt format": typed(41, "[hdf5]", "[hdf]", "did you mean 'hdf5'"),
     # Matrices.
     "same matrix twice": Mistake(
-        ("'arm'", "given as mass, too", "Name the mass matrix"),
+        ("'arm'", r"arm\.op4", "given as mass, too", r"components\.arm\.mass"),
         (("mass: {file: arm.op4, matrix: MAA}", "mass: {file: arm.op4, matrix: KAA}"),),
     ),
     "stiffness and mass exchanged": Mistake(
-        ("'arm'", r"arm\.op4", "Exchange the two"),
+        ("'arm': the stiffness and the mass", r"arm\.op4", "Exchange the two"),
         (("arm.op4, matrix: KAA", "arm.op4, matrix: X"), ("matrix: MAA", "matrix: KAA"), ("matrix: X", "matrix: MAA")),
     ),
     "deck in place of a matrix": Mistake(
@@ -123,17 +127,22 @@ CASES = {
         (r"arm\.npz", "MAA|mass"), (("mass: {file: arm.op4", "mass: {file: arm.npz"),), touch=one_matrix
     ),
     # Commands.
-    "run of a matrix": called("run", "D/arm.op4", says=(r"arm\.op4", "not a pipeline file", "cmsreduce inspect")),
-    "run of a deck": called("run", "D/arm.bdf", says=(r"arm\.bdf", "not a pipeline file", "cmsreduce inspect")),
+    "run of a matrix": called("run", "D/arm.op4", says=(r"arm\.op4", "not a pipeline file", "cmsreduce new NAME")),
+    "run of a deck": called("run", "D/arm.bdf", says=(r"arm\.bdf", "not a pipeline file", "cmsreduce new NAME")),
     "run of a folder": called("run", "D", says=("this is a folder", r"name the file in it: .*study\.yaml")),
     "run of a report": called(
-        "run", "D/x.html", says=(r"x\.html", "a web page"), touch=written("x.html", "<html></html>")
+        "run",
+        "D/x.html",
+        says=(r"x\.html", "a web page", "name the YAML file"),
+        touch=written("x.html", "<html></html>"),
     ),
     "run of an empty file": called("run", "D/e.yaml", says=("empty", "cmsreduce new"), touch=written("e.yaml", "")),
     "run of a file with a misspelt name": called("run", "D/stdy.yaml", says=(r"did you mean .*study\.yaml",)),
     "convert of a matrix": called("convert", "D/arm.op4", "D/x.txt", says=(r"arm\.op4", "not a component file")),
     "convert of a pipeline": called("convert", "P", "D/x.txt", says=("not a component file", "run it: `cmsreduce run")),
-    "convert of nothing": called("convert", "D/no.h5", "D/x.txt", says=(r"no\.h5: there is no such file",)),
+    "convert of nothing": called(
+        "convert", "D/no.h5", "D/x.txt", says=(r"no\.h5: there is no such file", "output folder")
+    ),
     "convert of a newer file": called(
         "convert", "D/new.h5", "D/x.txt", says=("format version 99 is newer", "update cmsreduce"), touch=newer
     ),
@@ -142,7 +151,7 @@ CASES = {
     ),
     "report of a folder without a run": called("report", "D", says=("no run directory", "output")),
     "export of a folder without a run": called("export", "D", "--to", "exudyn", says=(r"system\.h5", "hdf5")),
-    "inspect of nothing": called("inspect", "D/arn.op4", says=("no such file", r"arm\.op4")),
+    "inspect of nothing": called("inspect", "D/arn.op4", says=("no such file, did you mean", r"arm\.op4")),
     "misspelt key of an override": called(
         "run", "P", "--set", "reduce.cutof=3", says=("--set reduce.cutof", "did you mean 'cutoff'")
     ),

@@ -120,7 +120,7 @@ def test_wrong_format_asked_for(tmp_path: Path, format: str, content: bytes) -> 
 
 def test_file_that_is_not_there(tmp_path: Path) -> None:
     (tmp_path / "rotor.op4").write_text("x")
-    with pytest.raises(ReadError, match=r"roter\.op4: there is no such file; there is a rotor\.op4"):
+    with pytest.raises(ReadError, match=r"roter\.op4: there is no such file, did you mean .*rotor\.op4\?"):
         read_matrix(tmp_path / "roter.op4", "KAA")
     with pytest.raises(ReadError, match=r"zzz: there is no such file$"):
         detect_format(tmp_path / "zzz")

@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.chromium, needs_browser]
 HOSTILE = "</script><script>window.stolen = 1</script>"
 # Seconds of the browser's main thread to the first plots, which is what a machine with nothing else to do needs. The
 # rest of opening, reading and unpacking, is done beside it.
-OPENS_IN = 2.0
+OPENS_IN = 1.5
 LARGEST = 15e6
 
 PLOTS = "[...document.querySelectorAll('.js-plotly-plot')].map((plot) => [plot.id, plot.data.length])"

@@ -37,7 +37,10 @@ def _check_residual(value: object) -> str:
 
 def _check_cutoff(value: object) -> object:
     if isinstance(value, str) and value != "auto":
-        raise ValueError(f"found the text '{value}', expected a number, e.g. 2.0, or auto")
+        raise ValueError(
+            f"found the text '{value}', expected a number, e.g. 2.0, or auto: the cutoff counts in multiples of the "
+            "upper end of scene.band"
+        )
     return value
 
 

@@ -110,9 +110,9 @@ def advice_notes(
 def _fewer(searched: str | None) -> str:
     """The search that would leave costly modes out, beyond the one that the run has made."""
     if searched is None:
-        return "`balance: {keep: limits}` leaves out modes that no limit needs"
+        return "try `balance: {keep: limits}`, which leaves out what no limit needs"
     if searched == "modes":
-        return "`balance: {keep: {limits: all, minimise: cost}}` may meet the limits by slower modes"
+        return "try `balance: {keep: {limits: all, minimise: cost}}`, which may meet the limits by slower ones"
     return "the search for the lowest cost found no model without them that meets the limits"
 
 
@@ -123,13 +123,12 @@ def _advice(
     for name, part in components.items():
         found = part.costly
         if found is not None and found.gain >= _LONGER_STEP:
-            named = ", ".join(
-                f"{each.mode} ({each.hz:.4g} Hz, {each.kind})" for each in reversed(found.modes[-_NAMED:])
-            )
-            more = f" and {len(found.modes) - _NAMED} more" if len(found.modes) > _NAMED else ""
+            modes = found.modes[-_NAMED:]
+            named = ", ".join(str(each.mode) for each in modes)
+            more = f" and {len(found.modes) - _NAMED} lower ones" if len(found.modes) > _NAMED else ""
             yield (
-                f"{name}: modes {named}{more} limit the time step of this body, and each changes its flexibility in "
-                f"the band by less than {100 * found.share:g} %: {fewer}"
+                f"{name}: modes {named} (to {modes[-1].hz:.4g} Hz){more} limit its time step, and each changes its "
+                f"flexibility in the band by less than {100 * found.share:g} %: {fewer}"
             )
             keys.append(f"components.{name}.reduce.static_above: {static_above(found, band_hz):g}")
     highest, treated = (
@@ -148,8 +147,7 @@ def _advice(
         elif treated > _HIGHER * highest:
             yield (
                 f"{treatment} would raise the assembly's highest frequency from {highest:.4g} Hz to {treated:.4g} Hz, "
-                "and shorten its steps: joints would act on springs without mass. Keep the mass of these modes, or "
-                "leave the modes out (`balance.keep`)"
+                "and shorten its steps: joints would act on springs without mass. Keep the mass of these modes"
             )
         else:
             yield (

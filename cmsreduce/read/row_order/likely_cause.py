@@ -14,7 +14,7 @@ from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
 from cmsreduce.read.row_order.quiet_rows import LOUD, QUIET, quiet_share
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["Failure", "likely_cause", "other_order"]
+__all__ = ["Failure", "likely_cause", "mistaken_matrices", "other_order"]
 
 _NAMED = 5
 # A spring to ground loads only its own node; a mislabelled node also loads all its neighbours.
@@ -75,7 +75,6 @@ def other_order(case: Failure) -> str | None:
 def likely_cause(case: Failure) -> str:
     """The first cause that explains why a stiffness matrix resists rigid motion, and the remedy."""
     causes: tuple[Callable[[Failure], str | None], ...] = (
-        _exchanged,
         _displacements_in_basic,
         _axes_of_others,
         _order_of_appearance,
@@ -90,19 +89,25 @@ def likely_cause(case: Failure) -> str:
     return next(filter(None, (cause(case) for cause in causes)))
 
 
-def _exchanged(case: Failure) -> str | None:
-    """The stiffness and the mass have each other's place, or the mass stands for both."""
+def mistaken_matrices(case: Failure) -> str | None:
+    """Message if the stiffness and the mass have each other's place, or the mass stands for both."""
     body = case.body
     T = rigid_body_shapes(body.dofs, case.nodes)[:, :3]
     if quiet_share(body.K, T) > LOUD:
         return None
+    named = ", ".join(
+        dict.fromkeys(source.path for source in body.sources if "stiffness" in source.holds or "mass" in source.holds)
+    )
+    files = f" ({named})" if named else ""
     if quiet_share(body.M, T) >= QUIET:
         return (
-            "the stiffness and the mass are exchanged: translations cost no force in the matrix that is given as mass. "
-            "Exchange the two"
+            f"the stiffness and the mass{files} are exchanged: translations cost no force in the matrix that is given "
+            f"as mass, and do in the other. Exchange the two, `components.{body.name}.stiffness` and `.mass`"
         )
     same = body.K.nnz == body.M.nnz and not abs(body.K - body.M).sum()
-    return "the mass is given as stiffness, too. Name the stiffness" if same else None
+    if not same:
+        return None
+    return f"the mass{files} is given as stiffness, too. Name the stiffness under `components.{body.name}.stiffness`"
 
 
 def _displacements_in_basic(case: Failure) -> str | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, FEModel, Nodes
 from cmsreduce.read.row_order.held_body import held_rows
-from cmsreduce.read.row_order.likely_cause import Failure, likely_cause, other_order
+from cmsreduce.read.row_order.likely_cause import Failure, likely_cause, mistaken_matrices, other_order
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
 __all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
@@ -125,24 +125,31 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
         residual, tolerance = float(found.relative[row]), float(found.allowed[row])
         return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise)
     nodes, share = _loaded_nodes(body, found)
+    failure = Failure(body, body.nodes, found, condensed, nodes)
+    if (mistaken := mistaken_matrices(failure)) is not None:
+        raise DofMapError(f"body '{body.name}': {mistaken}")
     head = _not_proven(body, nodes, share, float(found.allowed[row]))
-    raise DofMapError(f"{head}. Likely cause: {likely_cause(Failure(body, body.nodes, found, condensed, nodes))}")
+    raise DofMapError(f"{head}. Likely cause: {likely_cause(failure)}")
 
 
 def _check_mass_is_no_stiffness(body: FEModel) -> None:
     if body.K.nnz == body.M.nnz and not abs(body.K - body.M).sum():
         raise MatrixError(
-            f"body '{body.name}': the stiffness is given as mass, too: translations cost no force in it. Name the mass "
-            "matrix as `mass`"
+            f"body '{body.name}': the stiffness{_stiffness_files(body)} is given as mass, too: translations cost no "
+            f"force in it. Name the mass matrix under `components.{body.name}.mass`"
         )
+
+
+def _stiffness_files(body: FEModel) -> str:
+    files = ", ".join(dict.fromkeys(source.path for source in body.sources if "stiffness" in source.holds))
+    return f" ({files})" if files else ""
 
 
 def _not_proven(body: FEModel, nodes: NDArray[np.int64], share: NDArray[np.float64], allowed: float) -> str:
     listed = ", ".join(f"{node} ({value:.1e})" for node, value in zip(nodes[:_NAMED], share[:_NAMED], strict=True))
     total = np.unique(body.dofs.node).size
-    files = ", ".join(dict.fromkeys(source.path for source in body.sources if "stiffness" in source.holds))
     return (
-        f"body '{body.name}': the row order of the stiffness matrix{f' ({files})' if files else ''} is not proven: "
+        f"body '{body.name}': the row order of the stiffness matrix{_stiffness_files(body)} is not proven: "
         f"rigid motion must cost no force, but {nodes.size} of {total} nodes resist; the worst are "
         f"{listed} (force relative to the stiffness; round-off explains {allowed:.1e})"
     )

@@ -59,7 +59,7 @@
   // What needs no library is there at once.
   if (jobs.has("sketch")) show("sketch");
   await new Promise((painted) => requestAnimationFrame(() => setTimeout(painted)));
-  library(await Arrays.inflated("plotly"));
+  await library(await Arrays.inflated("plotly"));
   const seen = new IntersectionObserver((entries) => {
     for (const entry of entries) if (entry.isIntersecting) show(entry.target.id);
   }, { rootMargin: "300px 0px" });

@@ -14,9 +14,22 @@ const Arrays = (() => {
     return found;
   }
 
-  async function inflated(id) {
-    const stream = new Blob([bytes(document.getElementById(id).textContent)]).stream();
+  async function gunzip(text) {
+    const stream = new Blob([bytes(text)]).stream();
     return new Response(stream.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+  }
+
+  // Unpacks beside the page's thread where the browser starts a worker of a page from the disk.
+  function inflated(id) {
+    const text = document.getElementById(id).textContent;
+    const code = `${bytes}\n${gunzip}\nonmessage = async ({ data }) => { const found = await gunzip(data); postMessage(found, [found]); };`;
+    return new Promise((resolve, reject) => {
+      const place = URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
+      const worker = new Worker(place);
+      worker.onmessage = ({ data }) => { resolve(data); worker.terminate(); URL.revokeObjectURL(place); };
+      worker.onerror = reject;
+      worker.postMessage(text);
+    }).catch(() => gunzip(text));
   }
 
   async function open(id) {

@@ -73,8 +73,19 @@ const Style = (() => {
     return Plotly.react(place, tinted(traces), { ...tinted(layout(more)), ...size }, config(place.id));
   };
 
-  function library(text) {
-    if (!globalThis.Plotly) document.head.append(element("script", new TextDecoder().decode(text)));
+  // The plotting library as a script of its own, which browsers compile beside the page's thread; its first line asks
+  // them to do so with all functions at once. On that thread, function by function, opening takes half as long again.
+  async function library(bytes) {
+    const script = element("script");
+    script.src = URL.createObjectURL(new Blob(["//# allFunctionsCalledOnLoad\n", bytes], { type: "text/javascript" }));
+    const loaded = new Promise((resolve, reject) => { script.onload = resolve; script.onerror = reject; });
+    document.head.append(script);
+    await loaded.catch(() => libraryNow(bytes));
+    URL.revokeObjectURL(script.src);
+  }
+
+  function libraryNow(bytes) {
+    if (!globalThis.Plotly) document.head.append(element("script", new TextDecoder().decode(bytes)));
   }
 
   // Button of the theme, and printing: `again` draws anew what was drawn, `complete` draws the rest, `unpack` reads what
@@ -96,7 +107,7 @@ const Style = (() => {
       for (const part of opened) part.open = true;
       if (!globalThis.Plotly) {
         unpack();
-        library(Arrays.inflatedNow("plotly"));
+        libraryNow(Arrays.inflatedNow("plotly"));
       }
       printing = true;
       again();
@@ -161,5 +172,5 @@ const Style = (() => {
   const sizes = new ResizeObserver((entries) => entries.forEach(({ target }) => measured(target)));
   const watched = (frame) => { if (!frame.classList.contains("whole")) sizes.observe(frame); };
 
-  return { data, styles, tinted, library, wired, FONT, AXIS, DECADES, decades, figure, COLOURS, DASHES, plain, line, titled, shown, chosen, draw, element, table, watched };
+  return { data, styles, tinted, library, libraryNow, wired, FONT, AXIS, DECADES, decades, figure, COLOURS, DASHES, plain, line, titled, shown, chosen, draw, element, table, watched };
 })();

@@ -1,7 +1,7 @@
 "use strict";
 // Error of a sweep against a cost, both of which can be chosen, and its points as a table that can be sorted.
 (async () => {
-  const { data, styles, titled, DECADES, plain, draw, library, wired, watched } = Style;
+  const { data, styles, titled, DECADES, plain, draw, library, libraryNow, wired, watched } = Style;
   const place = (id) => document.getElementById(id);
   const target = place("sweep");
 
@@ -48,8 +48,8 @@
   document.querySelectorAll(".scroll").forEach(watched);
   for (const id of ["error", "cost"]) place(id).addEventListener("change", picture);
   wired({ again: picture });
-  if (typeof DecompressionStream === "undefined") library(Arrays.inflatedNow("plotly"));
-  else library(await Arrays.inflated("plotly"));
+  if (typeof DecompressionStream === "undefined") libraryNow(Arrays.inflatedNow("plotly"));
+  else await library(await Arrays.inflated("plotly"));
   picture();
   document.documentElement.dataset.ready = "yes";
 })();

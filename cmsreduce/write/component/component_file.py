@@ -150,7 +150,7 @@ def read_component(path: Path | str) -> ComponentFile:
 
     path = Path(path)
     if not path.is_file():
-        raise ReadError(f"{path}: there is no such file")
+        raise ReadError(f"{path}: there is no such file; a run leaves NAME.h5 of each body in its output folder")
     arrays: dict[str, NDArray[Any]] = {}
     texts: dict[str, tuple[str, ...]] = {}
     try:
