@@ -51,11 +51,17 @@ class BodyModes:
             (1 + 1j * self.loss) * (weighted.T @ weighted) + 1j * w * (V.T @ self.damped(V)) - w**2 * (V.T @ V)
         )
 
+    def modal_stiffness(self, omega: Array) -> Complex:
+        """Diagonal of Z at frequencies (f, n)."""
+        viscous = self.D if self.D.ndim == 1 else self.D.diagonal()
+        w = omega[:, None]
+        return np.asarray(self.omega**2 * (1 + 1j * self.loss) + 1j * w * viscous - w**2)
+
     def solve(self, omega: float, F: Complex) -> Complex:
         """Z^-1 F at one frequency, for loads (n, p)."""
-        diagonal = self.omega**2 * (1 + 1j * self.loss) - omega**2
         if self.D.ndim == 1:
-            return np.asarray(F / (diagonal + 1j * omega * self.D)[:, None])
+            return np.asarray(F / self.modal_stiffness(np.array([omega])).T)
+        diagonal = self.omega**2 * (1 + 1j * self.loss) - omega**2
         return np.asarray(np.linalg.solve(np.diag(diagonal) + 1j * omega * self.D, F))
 
     def dual_norms(self, omega: Array, F: Complex) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes
 
-__all__ = ["ResponseLimits", "SceneFit", "energy_shapes", "fit_shapes", "misfit", "objective"]
+__all__ = ["ResponseLimits", "SceneFit", "energy_shapes", "fit_shapes", "misfit", "mode_shares", "objective"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -155,6 +155,27 @@ def energy_shapes(scene: SceneResponses, mix: float) -> dict[str, tuple[Array, A
         every = np.hstack(columns[name]) if columns[name] else np.zeros((body.count, 0))
         U, share, _ = la.svd(every, full_matrices=False)
         found[name] = (U / body.omega[:, None], share)
+    return found
+
+
+def mode_shares(scene: SceneResponses) -> dict[str, Array]:
+    """Share of each mode of the bodies in the squared responses of all configurations (n,).
+
+    Notes
+    -----
+    Of a mode with the dynamic stiffness Z, and with amplitudes x of the responses and z of their adjoints, z Z x^T is
+    the term of the response: what is lost without the mode while the forces in the joints stay.
+    """
+    found = {name: np.zeros(body.count) for name, body in scene.bodies.items()}
+    for sample, (primal, adjoint) in zip(scene.samples, scene.full_responses(), strict=True):
+        channel = sample.row[:, None] * sample.column[None, :]
+        widths = _widths(sample.omega)
+        size = float(np.sum(widths[:, None, None] * abs(sample.elastic * channel) ** 2))
+        for name, body in scene.bodies.items() if size else ():
+            inputs = np.sum(abs(primal[name] * sample.column) ** 2, axis=2)
+            outputs = np.sum(abs(adjoint[name] * sample.row) ** 2, axis=2)
+            stiffness = body.modal_stiffness(sample.omega)
+            found[name] += widths @ (abs(stiffness) ** 2 * inputs * outputs) / size
     return found
 
 

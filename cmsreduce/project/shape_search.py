@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.project.scene_responses import SceneResponses, Shapes
-from cmsreduce.project.scene_shapes import ResponseLimits, energy_shapes, fit_shapes, objective
+from cmsreduce.project.scene_shapes import ResponseLimits, energy_shapes, fit_shapes, mode_shares, objective
 
 __all__ = ["Judged", "ShapeSearch", "Settled"]
 
@@ -107,25 +107,40 @@ class ShapeSearch:
 
     def given(self, counts: Mapping[str, int]) -> Settled:
         """Optimise a given number of shapes of each body, from the best of several starts."""
-        # The last start takes as long as a round: it is made if the others fail.
-        starts = [*(partial(self._leading, mix, counts) for mix in _MIXES), partial(self._from_more, counts)]
-        return self._from_best(start() for start in starts)
+        return self._from_best(self._starts(counts))
 
     def distributed(self, total: int) -> Settled:
-        """Optimise a given number of shapes of all bodies together; their energies distribute them."""
-        return self.given(self._first_counts(total))
+        """Optimise a given number of shapes of all bodies together; energies or the strongest modes distribute them."""
+        counts = self._first_counts(total)
+        modes = _largest(self._mode_shares, total)
+        return self._from_best([self._modes(modes), *self._starts(counts)])
 
-    def smallest(self) -> Settled:
+    def smallest(self, modes: Callable[[], Mapping[str, NDArray[np.int64]] | None] = lambda: None) -> Settled:
         """Search for the fewest shapes that pass; where none do, the last set is all modes.
+
+        Parameters
+        ----------
+        modes : callable
+            Gives numbers of modes of each body that are known to pass, if any: the shapes are never more.
+        """
+        best = self.given(self._first_counts())
+        while not best.passes and best.count < self._most:
+            best = self.grown(best, max(1, best.count // 4))
+        best = self._fewer(best)
+        known = modes()
+        if known is not None and (not best.passes or sum(own.size for own in known.values()) < best.count):
+            other = self._fewer(self.settled(self._modes(known), _ROUNDS))
+            best = other if other.passes else best
+        return best
+
+    def _fewer(self, best: Settled) -> Settled:
+        """Leave out shapes as long as a set passes.
 
         Notes
         -----
         Leave out the directions that the responses miss least, and optimise those that remain. First several directions
         at a time; where the optimisation fails, half as many. At the end each body in turn gives one of its shapes.
         """
-        best = self.given(self._first_counts())
-        while not best.passes and best.count < self._most:
-            best = self.grown(best, max(1, best.count // 4))
         step = max(1, best.count // 5)
         while best.passes and best.count > 1:
             tried = self._shrunk(best, step)
@@ -219,6 +234,21 @@ class ShapeSearch:
         further = self.settled(best.shapes, _ROUNDS - 1, afresh=False)
         return min(best, further, key=lambda each: each.judged.worst)
 
+    def _starts(self, counts: Mapping[str, int]) -> Iterator[Shapes]:
+        """Directions of most energy by either weight, the strongest modes, and what is left of more shapes."""
+        for mix in _MIXES:
+            yield self._leading(mix, counts)
+        yield self._modes({name: np.argsort(-share)[: counts[name]] for name, share in self._mode_shares.items()})
+        # It takes as long as a round: it is made if the others fail.
+        yield self._from_more(counts)
+
+    @cached_property
+    def _mode_shares(self) -> dict[str, Array]:
+        return mode_shares(self.scene)
+
+    def _modes(self, numbers: Mapping[str, NDArray[np.int64]]) -> dict[str, Array]:
+        return {name: np.eye(body.count)[:, numbers[name]] for name, body in self.scene.bodies.items()}
+
     def _from_more(self, counts: Mapping[str, int]) -> dict[str, Array]:
         """Optimise more shapes for one round, and leave the most dispensable ones out."""
         limits = [self.limits] * len(self.scene.samples)
@@ -290,3 +320,11 @@ class ShapeSearch:
             every, share = self._energy(mix)[name]
             left, _, _ = la.svd((w * every - U @ (U.T @ (w * every))) * share, full_matrices=False)
             yield from (left[:, [k]] / w for k in range(min(_TRIED, w.size - V.shape[1])))
+
+
+def _largest(values: Mapping[str, Array], count: int) -> dict[str, NDArray[np.int64]]:
+    """Numbers of the largest of all values, by their names."""
+    owner = np.repeat(list(values), [own.size for own in values.values()])
+    number = np.concatenate([np.arange(own.size) for own in values.values()])
+    first = np.argsort(-np.concatenate(list(values.values())), kind="stable")[:count]
+    return {name: np.sort(number[first[owner[first] == name]]) for name in values}

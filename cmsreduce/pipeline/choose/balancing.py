@@ -90,6 +90,18 @@ class Balancing:
         chosen = chosen.joined(self._select(rest, self.pipeline.balance, chosen.selection))
         return replace(chosen, selection={name: chosen.selection[name] for name in self.ranked})
 
+    def fewest(self, components: Components) -> Selection | None:
+        """The fewest of some candidates that meet all limits, as ``keep: limits`` finds them; None where none do."""
+        stated = next(
+            (own for name in components if (own := self.pipeline.balance_of(name)) is not None), RankingKeys()
+        )
+        keys = RankingKeys(rank=stated.rank, scaling=stated.scaling, keep="limits")
+        try:
+            alone = {name: self._rank_alone(each, keys, components) for name, each in components.items()}
+            return self._select(self._in_the_system(alone, dict.fromkeys(components, keys)), keys, {}).selection
+        except (ConfigError, DampingError, MatrixError):
+            return None
+
     def scaling(self, name: str) -> str:
         """Scaling of the inputs and outputs of a body for its ranking, in words; empty without a ranking."""
         keys = self.pipeline.balance_of(name)

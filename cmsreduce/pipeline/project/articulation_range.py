@@ -105,6 +105,12 @@ class ArticulationRange:
                     found.append(self._configuration(there))
         return found
 
+    def apart(self, one: Configuration, other: Configuration) -> float:
+        """Distance of two configurations: the largest share of the range of a motion that lies between them."""
+        size = np.where(self.high > self.low, self.high - self.low, 1.0)
+        away = np.array([abs(one.angles.get(axis, 0.0) - other.angles.get(axis, 0.0)) for axis in self.axes]) / size
+        return float(np.where(self.turning, np.minimum(away, abs(1 - away)), away).max(initial=0.0))
+
     def _at(self, shares: Real) -> list[Configuration]:
         if self.is_box:
             values = np.tile(self.low, (len(shares), 1))

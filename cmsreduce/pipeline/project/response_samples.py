@@ -73,13 +73,11 @@ class SampledScene:
         return SceneResponses(self.bodies, [self._sample(target) for target in targets])
 
     @once
-    def judge(self, configuration: Configuration, *, quick: bool = False) -> ScenePoints:
-        """A configuration on the grids of the errors; quick: on one point in three, with few at each resonance."""
+    def judge(self, configuration: Configuration) -> ScenePoints:
+        """A configuration on the grids of the errors."""
         band, found = self.comparison.scene.band, self.comparison.reference.resonances(configuration)
-        decibel = decibel_grid(band)[:: _COARSE if quick else 1]
-        fine = self._coarse_grid(configuration)
-        if not quick:
-            fine = frequency_grid(band, _JUDGED, found.omega, found.zeta, _COARSE)
+        decibel = decibel_grid(band)
+        fine = frequency_grid(band, _JUDGED, found.omega, found.zeta, _COARSE)
         every = np.unique(np.concatenate([fine, decibel]))
         sample = self._sample(self.comparison.target(configuration, every))
         return ScenePoints(SceneResponses(self.bodies, [sample]), np.searchsorted(every, decibel))

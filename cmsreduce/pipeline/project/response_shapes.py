@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.balance import Selection
 from cmsreduce.config import LimitKeys, ProjectKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import CertificateRecord, Configuration, Finding, ModalComponent, ProjectionRecord, Scene
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
 from cmsreduce.pipeline.project.certified_responses import DirectSolve, certified
 from cmsreduce.pipeline.project.projected_bodies import Projected
-from cmsreduce.pipeline.project.response_samples import SampledScene, ScenePoints
+from cmsreduce.pipeline.project.response_samples import SampledScene
 from cmsreduce.pipeline.system import Comparison, ReducedModel
 from cmsreduce.project import Judged, ResponseLimits, Settled, Shapes, ShapeSearch, keep_combinations
 
@@ -25,16 +26,17 @@ _USUAL_ERROR = 0.01
 _FIRST = 12
 # Configurations between those of the scene that it starts with, if the whole range counts.
 _FIRST_BETWEEN = 6
-# Configurations looked at in the range for each motion that articulates, and at most.
-_LOOKED_AT, _MOST_LOOKED_AT = 64, 256
-# Configurations added at a time, and rounds of additions.
-_ADDED, _ADDITIONS = 2, 16
+# Configurations of the range looked at together, for each motion that articulates, and at most.
+_LOOKED_AT, _MOST_LOOKED_AT = 64, 128
+# So many configurations that no decision was made with must hold the limits at the end: with 95 % confidence less than
+# 0.3 % of the range breaks one.
+_PROOF = 1024
+# Configurations added at a time, apart from each other by this share of the range, and rounds of additions.
+_ADDED, _APART, _ADDITIONS = 2, 0.05, 24
 # Share of every limit that is aimed at where the whole range counts: angles that were not looked at err a little more.
 _BETWEEN_AIM = 0.92
 # Configurations with the largest errors that are followed uphill, and the steps, in shares of the range.
-_CLIMBED, _CLIMB = 6, (0.04, 0.02, 0.01)
-# A coarse grid of frequencies misses up to this share of an error: larger ones are measured again on a fine grid.
-_MISSED, _MOST_FINE = 0.2, 32
+_CLIMBED, _CLIMB = 4, (0.04, 0.02, 0.01)
 # Rounds of the optimisation before another shape is added.
 _ROUNDS = 6
 # Added configurations that a note names; summary.json has them all.
@@ -60,8 +62,13 @@ class ResponseShapes:
         System of the candidates: of ``kept``, or of unreduced bodies.
     comparison : Comparison
         The reference model.
+    joined : callable
+        Joins bodies to a model.
     measured : callable
         Finding of reduced bodies with the largest ratio to its limit, by every limit, in the scene's configurations.
+    fewest : callable
+        Fewest modes of ``kept`` that a search finds within the limits in the scene's configurations; None where these
+        are all of them.
     direct : callable
         Solves the unreduced bodies at a few frequencies.
     reference : mapping of body to str
@@ -78,13 +85,16 @@ class ResponseShapes:
         kept: Mapping[str, ModalComponent],
         source: ReducedModel,
         comparison: Comparison,
+        joined: Callable[[Mapping[str, ModalComponent]], ReducedModel],
         measured: Callable[[Mapping[str, ModalComponent]], Finding | None],
+        fewest: Callable[[], Selection | None],
         direct: DirectSolve,
         reference: Mapping[str, str],
         advance: Callable[[int, int], None],
     ) -> None:
-        self.keys, self.scene, self._measured, self._advance = keys, scene, measured, advance
-        self._direct, self._reference = direct, reference
+        self.keys, self.scene, self.comparison, self._advance = keys, scene, comparison, advance
+        self._joined, self._measured, self._fewest = joined, measured, fewest
+        self._direct, self._reference, self._held = direct, reference, 0
         self._span = ArticulationRange(scene)
         frf, decibel = limits.frf_error, limits.db_error
         if frf is None and decibel is None:
@@ -111,7 +121,7 @@ class ResponseShapes:
         """
         asked = self.keys.responses
         if asked == "auto":
-            found = self._search.smallest()
+            found = self._search.smallest(self._modes)
             if not found.passes:
                 worst, critical = self._aim * found.judged.worst, self._critical
                 which = "its limit" if critical is None or critical.passed else f"the limit of {critical.name}"
@@ -138,6 +148,15 @@ class ResponseShapes:
             certificate=certificate,
         )
         return Projected(components, record, tuple(self._notes(found, between, certificate)))
+
+    def _modes(self) -> dict[str, NDArray[np.int64]] | None:
+        """The fewest modes, by their numbers among the elastic candidates."""
+        found = None if self.keys.of == "full" else self._fewest()
+        return (
+            None
+            if found is None
+            else {name: found[name] - self.bodies[name].elastic.start for name in self.sampled.bodies}
+        )
 
     def _candidates(self, name: str, source: ReducedModel) -> ModalComponent:
         found = source.shapes[name]
@@ -182,7 +201,8 @@ class ResponseShapes:
 
     def _judged(self, shapes: Shapes) -> Judged:
         """Errors at the chosen configurations over what is aimed at; other limits count once the responses' are met."""
-        frf, decibel = self._ratios(shapes, [self.sampled.judge(each) for each in self.chosen]).T / self._aim
+        errors = np.array([self.sampled.judge(each).errors(shapes) for each in self.chosen]).reshape(-1, 2)
+        frf, decibel = (errors / (self.limits.frf_error, self.limits.db_error)).T / self._aim
         worst = float(max(frf.max(initial=0.0), decibel.max(initial=0.0)))
         self._critical = None
         if worst <= 1:
@@ -190,74 +210,74 @@ class ResponseShapes:
             worst = max(worst, 0.0 if self._critical is None else self._critical.ratio)
         return Judged(frf, decibel, worst)
 
-    def _ratios(self, shapes: Shapes, points: Sequence[ScenePoints]) -> NDArray[np.float64]:
-        """Both errors over their limits (configurations, 2)."""
-        limits = (self.limits.frf_error, self.limits.db_error)
-        return np.array([each.errors(shapes) for each in points]).reshape(-1, 2) / limits
-
     def _covering(self, found: Settled, grow: bool) -> tuple[Settled, dict[str, tuple[float, float]]]:
-        """Add the configurations with the largest errors until no limit is broken in the range.
+        """Add the configurations with the largest errors until many others, never looked at before, break no limit.
 
         Returns
         -------
         Settled
             Shapes.
         dict
-            frf_error and db_error of configurations that were looked at and not added.
+            frf_error and db_error of the last configurations that were looked at and not added.
         """
         span = self._span
         count = min(_LOOKED_AT * max(len(span.axes), 1), _MOST_LOOKED_AT)
-        others = [each for each in self.scene.configurations if each not in self.chosen]
-        looked = [*others, *span.corners(), *span.points(count, self._seen)]
-        fresh = self._seen + count
-        for _ in range(_ADDITIONS if grow else 0):
-            worst = self._largest(found.shapes, looked)
-            if not worst:
-                # Points that no decision was made with.
-                more = span.points(count, fresh)
-                fresh, looked = fresh + count, [*looked, *more]
-                worst = self._largest(found.shapes, more)
-                if not worst:
-                    break
-            self.chosen += worst
-            self._search = self._search.extended(self.sampled.responses(self.chosen))
-            found = self._search.settled(found.shapes, _ROUNDS, afresh=False)
-            while not found.passes and found.count < sum(c.elastic_count for c in self.bodies.values()):
-                found = self._search.grown(found, 1)
-        left = [each for each in looked if each not in self.chosen]
-        errors = [point.errors(found.shapes) for point in self._quick(left)]
-        return found, {each.name: error for each, error in zip(left, errors, strict=True)}
+        always = [*self.scene.configurations, *span.corners()]
+        seen, additions, self._held = self._seen, 0, 0
+        while True:
+            model = self._joined(self._components(found.shapes))
+            fresh = span.points(count, seen)
+            seen += count
+            looked = [each for each in [*always, *fresh] if each not in self.chosen]
+            errors = self._screened(model, looked)
+            worst = self._largest(model, looked, self._over(errors)) if grow and additions < _ADDITIONS else []
+            if worst:
+                self._held, additions = 0, additions + 1
+                self.chosen += worst
+                self._search = self._search.extended(self.sampled.responses(self.chosen))
+                found = self._search.settled(found.shapes, _ROUNDS, afresh=False)
+                while not found.passes and found.count < sum(c.elastic_count for c in self.bodies.values()):
+                    found = self._search.grown(found, 1)
+                continue
+            self._held += len(looked)
+            if not grow or not fresh or self._held >= _PROOF or (self._over(errors) > 1).any():
+                break
+        return found, {each.name: tuple(error) for each, error in zip(looked, errors.tolist(), strict=True)}
 
-    def _largest(self, shapes: Shapes, looked: Sequence[Configuration]) -> list[Configuration]:
-        """The configurations with the largest errors above what is aimed at, apart from those already chosen."""
-        left = [each for each in looked if each not in self.chosen]
-        if not left:
-            return []
-        ratios = self._quick_ratios(shapes, left)
-        order = np.argsort(-ratios)
-        found = [left[k] for k in order[:_MOST_FINE] if ratios[k] > (1 - _MISSED) * self._aim]
-        found += [self._climbed(shapes, left[k], ratios[k]) for k in order[:_CLIMBED]]
-        found = list({each.name: each for each in found}.values())
-        exact = self._ratios(shapes, [self.sampled.judge(each) for each in found]).max(axis=1)
-        return [found[k] for k in np.argsort(-exact)[:_ADDED] if exact[k] > self._aim]
+    def _largest(
+        self, model: ReducedModel, looked: Sequence[Configuration], ratios: NDArray[np.float64]
+    ) -> list[Configuration]:
+        """Configurations apart from each other with the largest errors above what is aimed at."""
+        found: list[tuple[float, Configuration]] = []
+        for k in np.argsort(-ratios):
+            if len(found) < _CLIMBED and self._apart(looked[k], [each for _, each in found]):
+                found.append(self._climbed(model, looked[k], ratios[k]))
+        found.sort(key=lambda each: -each[0])
+        chosen: list[Configuration] = []
+        for ratio, each in found:
+            if len(chosen) < _ADDED and ratio > self._aim and self._apart(each, chosen) and each not in self.chosen:
+                chosen.append(each)
+        return chosen
 
-    def _climbed(self, shapes: Shapes, start: Configuration, ratio: float) -> Configuration:
+    def _apart(self, one: Configuration, others: Sequence[Configuration]) -> bool:
+        return all(self._span.apart(one, other) > _APART for other in others)
+
+    def _climbed(self, model: ReducedModel, start: Configuration, ratio: float) -> tuple[float, Configuration]:
         """A configuration nearby with a larger error, by steps of decreasing size."""
         for share in _CLIMB:
             near = self._span.around(start, share)
-            ratios = self._quick_ratios(shapes, near)
+            ratios = self._over(self._screened(model, near))
             if near and ratios.max() > ratio:
                 start, ratio = near[int(ratios.argmax())], float(ratios.max())
-        return start
+        return ratio, start
 
-    def _quick_ratios(self, shapes: Shapes, configurations: Sequence[Configuration]) -> NDArray[np.float64]:
-        return np.asarray(self._ratios(shapes, self._quick(configurations)).max(axis=1, initial=0.0))
+    def _over(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The larger of both errors over its limit."""
+        return np.asarray((errors / (self.limits.frf_error, self.limits.db_error)).max(axis=1, initial=0.0))
 
-    def _quick(self, configurations: Sequence[Configuration]) -> list[ScenePoints]:
-        found = []
-        for number, each in enumerate(configurations):
-            found.append(self.sampled.judge(each, quick=True))
-            self._advance(number + 1, len(configurations))
+    def _screened(self, model: ReducedModel, configurations: Sequence[Configuration]) -> NDArray[np.float64]:
+        found = self.comparison.screened(configurations, model)
+        self._advance(self._held, _PROOF)
         return found
 
     def _notes(
