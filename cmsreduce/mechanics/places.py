@@ -23,6 +23,10 @@ _ENOUGH = 2000
 _PRINTED = 1e-6
 # Coordinates move by their rounding at most; the nodes that hold the body add theirs to all others.
 _MOVED = 30.0
+# Where coordinates are off by d, a rotation of a body of length L strains its ties by d / L of its motion. The energy
+# goes with the square: it is below half a rounding of its terms. A tie of size h gets (d / h)^2 of its stiffness, less
+# than a factor leaves.
+_EXACT, _EXACT_TIE = 2.0**-27, 1e-7
 
 
 def places_by_stiffness(body: FEModel) -> FEModel:
@@ -38,7 +42,8 @@ def places_by_stiffness(body: FEModel) -> FEModel:
     Returns
     -------
     FEModel
-        The same body if its coordinates are not rounded, or if K has further motions without force.
+        The same body if its coordinates are exact enough for ties of its interfaces, or if K has further motions
+        without force.
 
     Notes
     -----
@@ -56,7 +61,8 @@ def places_by_stiffness(body: FEModel) -> FEModel:
     rows = np.column_stack([body.dofs.rows(ids, component) for component in (1, 2, 3)])
     centre = nodes.xyz[nodes.index(ids)].mean(axis=0) if ids.size else np.zeros(3)
     length = float(np.linalg.norm(nodes.xyz[nodes.index(ids)] - centre, axis=1).max(initial=0.0))
-    if ids.size < 3 or not length:
+    exact = min(_EXACT * length, _EXACT_TIE * _least_size(body, nodes))
+    if ids.size < 3 or not length or nodes.xyz_rounding <= exact:
         return body
     R = rigid_body_shapes(body.dofs, nodes, centre) / np.repeat([1.0, length], 3)
     N = _without_force(body.K, R)
@@ -71,6 +77,12 @@ def places_by_stiffness(body: FEModel) -> FEModel:
     if np.abs(xyz - nodes.xyz).max() > _MOVED * nodes.xyz_rounding:
         return body
     return replace(body, nodes=Nodes(nodes.id, xyz, nodes.frame, nodes.xyz_rounding, nodes.frame_rounding))
+
+
+def _least_size(body: FEModel, nodes: Nodes) -> float:
+    """Distance of the centre of an interface from its farthest node, of the smallest interface of several nodes."""
+    places = [nodes.xyz[nodes.index(face.node)] for face in body.interfaces.values() if face.node.size > 1]
+    return min((float(np.linalg.norm(at - at.mean(axis=0), axis=1).max()) for at in places), default=0.0)
 
 
 def _without_force(K: sp.csc_array, R: Array) -> Array | None:

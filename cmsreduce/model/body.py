@@ -204,12 +204,17 @@ class FEModel:
     sources: tuple[Source, ...] = ()
     terms: tuple[ParameterTerm, ...] = ()
     corners: tuple[Values, ...] = ()
+    # Matrices that were checked already: `dataclasses.replace` hands them on, and a large one takes as long to check as
+    # to read.
+    _sound: tuple[sp.csc_array, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         n = len(self.dofs)
         for letter, what in (("K", "stiffness"), ("M", "mass"), ("D", "damping")):
-            if getattr(self, letter) is not None:
-                object.__setattr__(self, letter, self._checked(getattr(self, letter), f"{what} matrix {letter}"))
+            A = getattr(self, letter)
+            if A is not None and not any(A is sound and A.shape[0] == n for sound in self._sound):
+                object.__setattr__(self, letter, self._checked(A, f"{what} matrix {letter}"))
+        object.__setattr__(self, "_sound", tuple(A for A in (self.K, self.M, self.D) if A is not None))
         if self.tied is not None and self.tied.T.shape[1] != n:
             raise DofMapError(f"body '{self.name}': tied dofs follow {self.tied.T.shape[1]} rows, but it has {n}")
         if self.second_order is not None and self.second_order.phi_phi.shape != (3, 3, n, n):
@@ -245,8 +250,11 @@ class FEModel:
         largest = float(abs(A.data).max(initial=0.0))
         limit = max(_SYMMETRY_FACTOR * self.rounding, CONDENSATION) * largest
         mirrored = sp.csc_array(A.T)
-        exact = np.array_equal(A.indices, mirrored.indices) and np.array_equal(A.data, mirrored.data)
-        skew = sp.coo_array((n, n)) if exact else sp.coo_array(abs(A - mirrored))
+        # A symmetric pattern, which nearly all have, leaves only values to compare.
+        paired = np.array_equal(A.indptr, mirrored.indptr) and np.array_equal(A.indices, mirrored.indices)
+        exact = paired and np.array_equal(A.data, mirrored.data)
+        skew = sp.coo_array((n, n)) if exact else sp.coo_array(_combined(A, mirrored, -1.0, paired))
+        skew.data = abs(skew.data)
         if (worst := float(skew.data.max(initial=0.0))) > limit:
             at = int(skew.data.argmax())
             i, j = int(skew.row[at]), int(skew.col[at])
@@ -262,7 +270,7 @@ class FEModel:
                 f"{where} is not positive semidefinite: its diagonal is {diagonal[at]:.6g} at row {at + 1} "
                 f"({labels[at]}). Check its sign and its source: a structure returns no more energy than it takes up"
             )
-        return A if exact and A.data.all() else sp.csc_array((A + mirrored) * 0.5)
+        return A if exact and A.data.all() else _combined(A, mirrored, 1.0, paired) * 0.5
 
     def __repr__(self) -> str:
         return f"<FEModel {self.name}: {self.n} dofs, {len(self.interfaces)} interfaces>"
@@ -310,3 +318,15 @@ class FEModel:
         face = self.interfaces[name]
         pairs = zip(face.node, face.components, strict=True)
         return np.concatenate([self.dofs.rows_of(int(node), parts) for node, parts in pairs])
+
+
+def _combined(A: sp.csc_array, B: sp.csc_array, factor: float, paired: bool) -> sp.csc_array:
+    """A + factor B without zeros; ``paired`` if both have the same pattern."""
+    if not paired:
+        return sp.csc_array(A + factor * B)
+    both = sp.csc_array((A.data + factor * B.data, A.indices, A.indptr), shape=A.shape, copy=False)
+    if not both.data.all():
+        # The pattern is shared with A.
+        both = both.copy()
+        both.eliminate_zeros()
+    return both

@@ -11,7 +11,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from cmsreduce.errors import SceneError
-from cmsreduce.mechanics import Tie, rigid_mass, tie_nodes
+from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.mechanics import Tie, places_by_stiffness, rigid_mass, tie_nodes
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Units, cross_matrix, in_units, rigid_body_shapes
 from cmsreduce.verify import rigid_mass_properties
 from tests.frames import line, rotation
@@ -277,3 +279,24 @@ def test_coincident_nodes_are_refused():
     at = Nodes(FREE.nodes.id, xyz, FREE.nodes.frame)
     with pytest.raises(SceneError, match="nodes 1, 3, 9 coincide"):
         tie_nodes(replace(FREE, nodes=at, interfaces=nodes_of(1, 3, 9)), "end", Tie("average"))
+
+
+@pytest.mark.parametrize(("digits", "factors"), [(5, 1), (10, 0)])
+def test_coordinates_of_few_digits_follow_from_the_stiffness_and_those_of_many_need_no_factor(digits, factors):
+    """Both leave a tied body free in six motions, with the frequencies of exact coordinates."""
+    assert FREE.nodes is not None
+    rounding = 10.0**-digits
+    xyz = rounding * np.round((FREE.nodes.xyz + np.array([0.12345678912, 0, 0])) / rounding)
+    printed = replace(FREE, nodes=replace(FREE.nodes, xyz=xyz, xyz_rounding=rounding))
+    with solver_settings(SolverSettings()) as settings:
+        placed = places_by_stiffness(printed)
+    assert len(settings.work) == factors
+    found = []
+    for body in (FREE, placed):
+        tied = tie_nodes(tie_nodes(body, "end", Tie("rigid")), "start", Tie("rigid"))
+        rigid = rigid_body_modes(
+            tied.K, tied.M, rigid_body_shapes(tied.dofs, tied.nodes), tied.stiffness_rounding, "bar"
+        )
+        assert rigid.shape[1] == 6
+        found.append(la.eigvalsh(tied.K.toarray(), tied.M.toarray())[6:12])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)

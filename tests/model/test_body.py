@@ -1,5 +1,7 @@
 """Bodies refuse matrices and inertias that no structure has."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -47,6 +49,22 @@ def test_symmetry_is_asked_to_the_digits_of_the_file(rounding, accepted):
     else:
         with pytest.raises(MatrixError, match="not symmetric"):
             FEModel("b", sp.csc_array(K), sp.csc_array(GOOD), DOFS, rounding=rounding)
+
+
+def test_an_entry_without_its_mirror_is_halved_if_it_is_rounding():
+    body = FEModel("b", with_entry(0, 2, 1e-17), sp.csc_array(GOOD), DOFS)
+    assert body.K[0, 2] == body.K[2, 0] == 5e-18
+
+
+def test_a_changed_body_is_checked_where_it_changes():
+    body = FEModel("b", sp.csc_array(GOOD), sp.csc_array(GOOD), DOFS)
+    other = replace(body, name="c", M=sp.csc_array(2 * GOOD))
+    assert other.K is body.K
+    assert other.M[0, 0] == 6
+    with pytest.raises(MatrixError, match="stiffness matrix K is not symmetric"):
+        replace(other, K=with_entry(0, 2, 0.3))
+    with pytest.raises(MatrixError, match="K is 3 x 3, but the dof table has 2 rows"):
+        replace(other, dofs=DOFS[np.array([0, 1])])
 
 
 def test_a_node_without_coordinates():
