@@ -69,7 +69,8 @@ class CraigBampton(Reduction):
         cutoff_hz = self.cutoff_hz if self.normal_modes else 0.0
         if interface.size == 0:
             names = [f"load {number + 1}" for number in range(loads.shape[1])]
-            return free_modes_and_residuals(self.method, body, rigid, cutoff_hz, loads, names)
+            known = self.known_count(body, interface)
+            return free_modes_and_residuals(self.method, body, rigid, cutoff_hz, loads, names, known=known)
         held = motions_held(rigid, interface)
         if held < rigid.shape[1]:
             raise SingularInterfaceError(
@@ -77,10 +78,10 @@ class CraigBampton(Reduction):
                 f"hold only {held} of them, so {self.method} has no constraint modes. Add interface dofs (three "
                 "translations at three nodes not in line, or a node with rotations)"
             )
-        omega, j = 2 * np.pi * cutoff_hz, np.setdiff1d(np.arange(body.n), interface)
+        omega, j = 2 * np.pi * cutoff_hz, np.delete(np.arange(body.n), interface)
         Kjj, Mjj = part(body.K, j), sp.csc_array(body.M[j][:, j])
         # The count comes first: so only one factor at a time is in memory.
-        count = count_below(Kjj, Mjj, omega)
+        count = count_below(Kjj, Mjj, omega, known=self.known_count(body, interface))
         try:
             solve: Solve = factorise(Kjj, what=f"body '{body.name}': K with the interface held", kept=True)
         except NotPositiveDefiniteError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -37,7 +38,8 @@ class MacNealRubin(Reduction):
         """Shapes of the mode set, rigid modes first; see `Reduction.basis`."""
         labels = [body.dofs.labels[row] for row in interface] + [f"load {k + 1}" for k in range(loads.shape[1])]
         forces = unit_loads(body.n, interface, loads)
-        return free_modes_and_residuals(self.method, body, rigid, self.cutoff_hz, forces, labels, interface)
+        known = self.known_count(body, interface[:0])
+        return free_modes_and_residuals(self.method, body, rigid, self.cutoff_hz, forces, labels, interface, known)
 
 
 def free_modes_and_residuals(
@@ -48,6 +50,7 @@ def free_modes_and_residuals(
     loads: Array | sp.csc_array,
     labels: list[str],
     interface: NDArray[np.int64] | None = None,
+    known: Callable[[float], int | None] | None = None,
 ) -> Basis:
     """Free modes up to a frequency and the residual flexibility under some loads.
 
@@ -67,11 +70,13 @@ def free_modes_and_residuals(
         Name of each load.
     interface : (i,) int64, optional
         Rows of the interface, which a factor may eliminate last.
+    known : callable, optional
+        Counts the modes without a factor, as of `count_below`.
     """
     omega = 2 * np.pi * cutoff_hz
     share_order(body.K)
     # The count comes first: so only one factor at a time is in memory.
-    count = count_below(body.K, body.M, omega, rigid.shape[1])
+    count = count_below(body.K, body.M, omega, rigid.shape[1], known)
     solve = elastic_solve(body, rigid, interface)
     w, phi, certificate = np.empty(0), np.empty((body.n, 0)), None
     if omega > 0:

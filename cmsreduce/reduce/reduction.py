@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field
-from typing import ClassVar
+from functools import partial
+from typing import ClassVar, Self
 
 import numpy as np
 import scipy.linalg as la
@@ -15,9 +17,18 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.machine import current_settings
-from cmsreduce.model import FEModel, ModeBlock, ModeSet, ReducedComponent, parameter_label, rigid_body_shapes
+from cmsreduce.model import (
+    FEModel,
+    ModalComponent,
+    ModeBlock,
+    ModeSet,
+    ReducedComponent,
+    parameter_label,
+    rigid_body_shapes,
+)
 from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.corners import rigid_at, with_corners
+from cmsreduce.reduce.held_count import held_count
 
 __all__ = ["Examined", "Reduction", "kept_rigid", "project"]
 
@@ -73,6 +84,17 @@ class Reduction(ABC):
 
     def __init__(self, cutoff_hz: float) -> None:
         self.cutoff_hz = cutoff_hz
+        self._free: ModalComponent | None = None
+
+    def counted_by(self, free: ModalComponent) -> Self:
+        """The same mode set, whose modes are counted by certified free modes of the body where these decide it."""
+        other = copy(self)
+        other._free = free
+        return other
+
+    def known_count(self, body: FEModel, held: Rows) -> Callable[[float], int | None] | None:
+        """Count of the modes of a body held at some dofs, as `count_below` takes it; None if nothing is known of it."""
+        return partial(held_count, self._free, held) if self._free is not None and self._free.body is body else None
 
     @abstractmethod
     def basis(self, body: FEModel, interface: Rows, rigid: Array, loads: Array) -> Basis:

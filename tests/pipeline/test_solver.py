@@ -126,3 +126,22 @@ def test_the_unreduced_body_is_represented_under_the_same_settings(files: Path, 
     assert run.references["bar"].label == "modes to 2 x cutoff"
     done = run.stages.factorised["bar"]["reference"]
     assert done and {each.backend for each in done} == {"pardiso"}
+
+
+@pytest.mark.parametrize("verify", ["", "verify: {}\n"])
+def test_the_modes_of_the_reference_count_those_of_the_reduction(
+    verify: str, bar: FEModel, files: Path, tmp_path: Path, monkeypatch
+) -> None:
+    """One factor less, where the run makes the reference in any case; the modes are the same."""
+    monkeypatch.setattr(import_module("cmsreduce.pipeline.bodies.reference"), "ALL_MODES_LIMIT", 0)
+    path = files / f"{tmp_path.name}.yaml"
+    path.write_text(BAR.format(output=tmp_path / "out", solver="backend: pardiso") + verify)
+    run = Run(load_pipeline(path), tmp_path / "out", Silent())
+    certificate = run.modal("bar").certificate
+    # The dof that is pushed is held with the root.
+    free = np.setdiff1d(np.arange(27, bar.n), bar.dofs.rows_of(252, [2]))
+    exact = np.count_nonzero(clamped(bar, free) < CUTOFF_HZ)
+    assert certificate is not None and certificate.counted == certificate.frequency_hz.size == exact
+    factors = run.stages.factorised["bar"]
+    assert len(factors["reduce"]) == (1 if verify else 2)
+    assert ("reference" in factors) == bool(verify)

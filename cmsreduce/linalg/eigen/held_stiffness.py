@@ -12,8 +12,8 @@ from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, InterfaceLast, held_fac
 
 Array = NDArray[np.float64]
 
-# Corrections of a free motion by residuals in long double; each gains the digits that one factor gives. After one that
-# changes no entry by more than this share of the largest, none is needed.
+# Corrections of a free motion by residuals in long double; each gains the digits that one factor gives. Where the next
+# one, which shrinks as the last one did, would change no entry by more than this share of the largest, none is needed.
 _CORRECTIONS, _CORRECTED = 3, 1e-13
 
 
@@ -65,11 +65,13 @@ class HeldStiffness:
 
     def solved(self, X: Array) -> Array:
         """Shapes with the values of X at the held dofs that leave no force on the others."""
-        X, exact = X.copy(), sp.csc_array(self.K, dtype=np.longdouble)
+        X, exact, last = X.copy(), sp.csc_array(self.K, dtype=np.longdouble), 0.0
         for _ in range(_CORRECTIONS):
             force = np.asarray((exact @ X.astype(np.longdouble))[self.free], dtype=np.float64)
             change = self.factor(force)
             X[self.free] -= change
-            if (abs(change).max(axis=0) <= _CORRECTED * abs(X).max(axis=0)).all():
+            share = float((abs(change).max(axis=0) / abs(X).max(axis=0)).max(initial=0.0))
+            if share * (share / last if last > share else 1.0) <= _CORRECTED:
                 break
+            last = share
         return np.asarray(X)

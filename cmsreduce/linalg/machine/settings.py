@@ -86,7 +86,7 @@ class KnownFactors:
     """
 
     def __init__(self) -> None:
-        self._factors: dict[bytes, tuple[Any, float]] = {}
+        self._factors: dict[bytes, tuple[Any, float, Any]] = {}
 
     def __reduce__(self) -> tuple[type[KnownFactors], tuple[()]]:
         return type(self), ()
@@ -95,16 +95,23 @@ class KnownFactors:
         """Factor of a matrix in compressed form, given by its arrays; None if none is kept."""
         return self._factors[digest][0] if self._factors and (digest := _digest(entries)) in self._factors else None
 
-    def store(self, entries: Sequence[NDArray[Any]], factor: Any, size: float, limit: float) -> None:
-        """Keep a factor of ``size`` bytes; the oldest go when all of them exceed their share of ``limit`` bytes."""
+    def store(self, entries: Sequence[NDArray[Any]], factor: Any, size: float, limit: float, inner: Any = None) -> None:
+        """Keep a factor of ``size`` bytes; the oldest go when all of them exceed their share of ``limit`` bytes.
+
+        A factor that holds another one, ``inner``, is kept as long as that one is.
+        """
         if size <= _KEPT_SHARE * limit:
-            self._factors[_digest(entries)] = factor, size
-            while sum(size for _, size in self._factors.values()) > _KEPT_SHARE * limit:
-                del self._factors[next(iter(self._factors))]
+            self._factors[_digest(entries)] = factor, size, inner
+            while sum(size for _, size, _ in self._factors.values()) > _KEPT_SHARE * limit:
+                gone = self._factors.pop(next(iter(self._factors)))[0]
+                self._factors = {key: kept for key, kept in self._factors.items() if kept[2] is not gone}
+
+    def __contains__(self, factor: Any) -> bool:
+        return any(kept is factor for kept, *_ in self._factors.values())
 
 
 def _digest(entries: Sequence[NDArray[Any]]) -> bytes:
-    digest = hashlib.blake2b(digest_size=16)
+    digest = hashlib.sha256()
     for array in entries:
         digest.update(np.ascontiguousarray(array).data)
     return digest.digest()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from typing import cast
 
 import numpy as np
 import scipy.linalg as la
@@ -11,6 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import by_columns
+from cmsreduce.linalg.machine import current_settings
 from cmsreduce.linalg.sparse.factor import BLOCK, Factor
 from cmsreduce.linalg.sparse.factorisation import LARGE, NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.sparse.parts import part
@@ -101,12 +103,13 @@ class InterfaceLast:
 
     def __init__(self, K: sp.csc_array, interface: NDArray[np.int64], given: NDArray[np.int64], what: str) -> None:
         rows = np.arange(K.shape[0])
-        inside, last, free = np.setdiff1d(rows, interface), np.setdiff1d(interface, given), np.setdiff1d(rows, given)
-        self._interior = factorise(part(K, inside), what=what, kept=True)
+        inside, last, free = np.delete(rows, interface), np.setdiff1d(interface, given), np.delete(rows, given)
+        self.interior = factorise(part(K, inside), what=what, kept=True)
+        """Factor of the interior."""
         coupling = sp.csc_array(K[:, last])
         inner = coupling[inside]
         # Constraint modes Psi = -K_jj^-1 K_ji, and the stiffness that they condense to the interface.
-        self._Psi = -by_columns(self._interior(inner.toarray()))
+        self._Psi = -by_columns(self.interior(inner.toarray()))
         S, own = coupling[last].toarray() + inner.T @ self._Psi, K.diagonal()[last]
         try:
             self._S = la.cholesky((S + S.T) / 2, lower=True)
@@ -114,19 +117,24 @@ class InterfaceLast:
             raise NotPositiveDefiniteError(f"{what} is not positive definite at its interface", int(last[0])) from None
         self._inside, self._last = np.searchsorted(free, inside), np.searchsorted(free, last)
         ratio = self._S.diagonal() ** 2 / own if last.size else np.ones(1)
-        row, least = self._interior.weakest
+        row, least = self.interior.weakest
         row = int(self._inside[row])
         if ratio.min() < least:
             row, least = int(self._last[ratio.argmin()]), float(ratio.min())
         self.weakest = row, least
         """Row with the smallest ratio of its pivot to its diagonal entry, and this ratio, as of a `Factor`."""
 
+    @property
+    def bytes(self) -> int:
+        """Bytes beside the factor of the interior."""
+        return self._Psi.nbytes + self._S.nbytes + self._inside.nbytes
+
     def __call__(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solve for one column (n - r,) or a block (n - r, k) of loads on the rows that are not held."""
         inner, x = b[self._inside], np.empty(b.shape)
         outer = la.cho_solve((self._S, True), b[self._last] + self._Psi.T @ inner)
         x[self._last] = outer
-        x[self._inside] = self._interior(inner) + self._Psi @ outer
+        x[self._inside] = self.interior(inner) + self._Psi @ outer
         return x
 
 
@@ -175,12 +183,25 @@ def held_factor(
         interface = np.unique(interface)
         given = interface[determinate_dofs(motions[interface])]
         with suppress(NotPositiveDefiniteError):
-            at_interface = InterfaceLast(K, interface, given, what)
+            at_interface = _interface_last(K, interface, given, what)
             if at_interface.weakest[1] > sound:
-                return given, np.setdiff1d(rows, given), at_interface
+                return given, np.delete(rows, given), at_interface
     given = determinate_dofs(motions)
-    free = np.setdiff1d(rows, given)
+    free = np.delete(rows, given)
     return given, free, factorise(part(K, free), what=what, kept=True)
+
+
+def _interface_last(
+    K: sp.csc_array, interface: NDArray[np.int64], given: NDArray[np.int64], what: str
+) -> InterfaceLast:
+    """Factor with the interface last; that of an earlier step, as long as the factor of its interior is kept."""
+    settings, entries = current_settings(), (K.indptr, K.indices, K.data, interface, given)
+    known = settings.factors.find(entries)
+    if known is None:
+        known = InterfaceLast(K, interface, given, what)
+        if known.interior in settings.factors:
+            settings.factors.store(entries, known, float(known.bytes), settings.memory_limit, known.interior)
+    return cast(InterfaceLast, known)
 
 
 class ElasticFlexibility:

@@ -17,6 +17,7 @@ from cmsreduce.pipeline.bodies.reference import (
     Reference,
     all_modes,
     damped_by_modes,
+    in_free_modes,
     reference,
 )
 from cmsreduce.pipeline.bodies.spinning import spin_notes
@@ -42,6 +43,7 @@ __all__ = [
     "effective_masses",
     "draft_body",
     "draft_pipeline",
+    "in_free_modes",
     "probing_loads",
     "read_flexible",
     "read_rigid",

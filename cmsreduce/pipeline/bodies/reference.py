@@ -12,7 +12,15 @@ from cmsreduce.model import FEModel, ModalComponent, ModeKind, ModeSet, ReducedC
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import MacNealRubin
 
-__all__ = ["ALL_MODES_LIMIT", "WRITTEN_LIMIT", "Reference", "all_modes", "damped_by_modes", "reference"]
+__all__ = [
+    "ALL_MODES_LIMIT",
+    "WRITTEN_LIMIT",
+    "Reference",
+    "all_modes",
+    "damped_by_modes",
+    "in_free_modes",
+    "reference",
+]
 
 ALL_MODES = "all modes"
 """Label of a body that is represented by all its modes."""
@@ -72,14 +80,18 @@ def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz
     cutoff_hz : float
         Cutoff of the reduction.
     """
-    by_modes = damped_by_modes(body, rigid)
-    if not by_modes and body.n <= SPARSE_LIMIT:
-        return Reference(None, "sparse dofs")
-    if by_modes and body.n <= ALL_MODES_LIMIT:
+    if not in_free_modes(body, rigid):
+        if not damped_by_modes(body, rigid):
+            return Reference(None, "sparse dofs")
         return Reference(all_modes(body, rigid), ALL_MODES)
     method = MacNealRubin(_BEYOND_CUTOFF * cutoff_hz)
     modes = orthogonalise(method.reduce(body, ports.interface, ports.static_loads, rigid, enriched=True))
     return Reference(modes, f"modes to {_BEYOND_CUTOFF:g} x cutoff")
+
+
+def in_free_modes(body: FEModel, rigid: NDArray[np.float64]) -> bool:
+    """True if a body with rigid modes (n, r) is so large that its reference has free modes up to a frequency alone."""
+    return body.n > (ALL_MODES_LIMIT if damped_by_modes(body, rigid) else SPARSE_LIMIT)
 
 
 def damped_by_modes(body: FEModel, rigid: NDArray[np.float64]) -> bool:

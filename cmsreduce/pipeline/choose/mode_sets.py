@@ -15,7 +15,7 @@ from cmsreduce import __version__
 from cmsreduce.assemble import joined_to
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import Channel, CutoffChoice, JointTerm, Point, PointTerm, RigidBody, Scene
+from cmsreduce.model import Channel, CutoffChoice, JointTerm, ModalComponent, Point, PointTerm, RigidBody, Scene
 from cmsreduce.pipeline.bodies import FlexibleBody, body_reduction, probing_loads
 from cmsreduce.pipeline.choose.cutoff import START
 from cmsreduce.pipeline.store import once, stage_key
@@ -195,7 +195,13 @@ class ModeSets:
         return key if static_above_hz is None else stage_key("orthogonalise", key, static_above_hz)
 
     def examine(
-        self, name: str, cutoff_hz: float, other: ModeSetKeys | None = None, *, enrich: bool = False
+        self,
+        name: str,
+        cutoff_hz: float,
+        other: ModeSetKeys | None = None,
+        *,
+        enrich: bool = False,
+        free: ModalComponent | None = None,
     ) -> Examined:
         """Reduce a body, and measure the static flexibility that its basis misses under loads on it and on its copies.
 
@@ -209,6 +215,8 @@ class ModeSets:
             Another mode set.
         enrich : bool
             Also reduce the body to its basis with the shapes that this misses first.
+        free : ModalComponent, optional
+            Certified free modes of the body, by which the modes are counted without a factor.
         """
         flexible, keys = self.bodies[name], self.stated(name, other)
         if name in self.unneeded:
@@ -220,6 +228,8 @@ class ModeSets:
             method = body_reduction(
                 name, keys, cutoff_hz, self.bodies, self.rigid_bodies, self._interface_cutoffs_hz(other), self.scene
             )
+        if free is not None:
+            method = method.counted_by(free)
         ports, tested = flexible.ports, np.hstack([loads for _, (_, loads) in self._tested_on_copies(name, other)])
         return method.examine(flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich)
 

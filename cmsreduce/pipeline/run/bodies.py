@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +30,7 @@ from cmsreduce.pipeline.bodies import (
     Reference,
     copy_of,
     damping_remark,
+    in_free_modes,
     read_flexible,
     read_rigid,
     reference,
@@ -103,6 +105,11 @@ class BodyStages:
     def reduced_names(self) -> list[str]:
         """Flexible bodies that are reduced; the others enter the system as they were read."""
         return [name for name in self.flexible_names if self.pipeline.reduce_of(name) is not None]
+
+    @property
+    def has_response(self) -> bool:
+        """The scene has an input and an output to compare."""
+        return bool(self.scene.actuators and self.scene.sensors)
 
     @stage(
         "read",
@@ -234,13 +241,31 @@ class BodyStages:
     def _reduction_label(self, name: str, other: ModeSetKeys | None = None) -> str:
         return self._label(self.mode_sets.first_alike(name, other), other)
 
-    @stage("reduce", what=_reduction_label, key=lambda run, name, other=None: run.mode_sets.reduce_key(name, other))
+    @once
+    def _free_modes(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent | None:
+        """Free modes of the reference model, which comes first where it has some: they count those of a reduction."""
+        name = self.mode_sets.first_alike(name, other)
+        compared = self.pipeline.verify is not None and self.has_response and self.stages.only is None
+        flexible = self.bodies[name]
+        if not compared or name in self.mode_sets.unneeded or not in_free_modes(flexible.body, flexible.rigid):
+            return None
+        # A reference that fails stops no reduction; the comparison meets the error again, and reports it.
+        with suppress(Exception):
+            return self.reference(name).modes
+        return None
+
+    @stage(
+        "reduce",
+        what=_reduction_label,
+        key=lambda run, name, other=None: run.mode_sets.reduce_key(name, other),
+        needs=["_free_modes"],
+    )
     def _reduction(self, name: str, other: ModeSetKeys | None = None) -> _Reduced:
         sets, cutoff_hz = self.mode_sets, self.mode_sets.cutoff_hz(name, other)
         name = sets.first_alike(name, other)
         found = self._cutoff_search.found(name, cutoff_hz) if other is None else None
         if found is None:
-            found = sets.examine(name, cutoff_hz, other)
+            found = sets.examine(name, cutoff_hz, other, free=self._free_modes(name, other))
         remark = self._scene_shapes.note(name) if other is None and name in sets.of_responses else ""
         return _Reduced(found.component, sets.missed(name, found, other), remark)
 

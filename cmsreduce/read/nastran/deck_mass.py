@@ -304,17 +304,23 @@ def solid_volumes(corners: Array) -> tuple[Array, Array, Array]:
     Two Gauss points each way integrate the volume and the centre of a trilinear map exactly, and the second moment of
     a parallelepiped; three are exact for a tetrahedron and a wedge.
     """
-    x, at = corners[:, list(_CORNERS[corners.shape[1]])], np.array(_HEXAHEDRON, dtype=np.float64)
-    places, weights = np.polynomial.legendre.leggauss(3)
-    volume, moment, second = 0.0, 0.0, 0.0
+    # Axes first, elements last: every step is one pass over long rows.
+    x = np.ascontiguousarray(corners[:, list(_CORNERS[corners.shape[1]])].transpose(2, 1, 0))
+    at, (places, weights) = np.array(_HEXAHEDRON, dtype=np.float64), np.polynomial.legendre.leggauss(3)
+    volume, moment, second = np.zeros(x.shape[2]), np.zeros((3, x.shape[2])), np.zeros((3, 3, x.shape[2]))
     for ijk in itertools.product(range(3), repeat=3):
         terms = 1 + at * places[list(ijk)]
-        shape = terms.prod(axis=1) / 8
         slope = np.array([at[:, k] * terms[:, (k + 1) % 3] * terms[:, (k + 2) % 3] / 8 for k in range(3)])
-        size = np.linalg.det(np.einsum("ck,ekj->ecj", slope, x)) * weights[list(ijk)].prod()
-        here = np.einsum("k,ekj->ej", shape, x)
-        volume, moment = volume + size, moment + size[:, None] * here
-        second = second + size[:, None, None] * _outer(here)
-    sign = np.where(np.asarray(volume) < 0, -1.0, 1.0)
+        # The map's Jacobian by rows, and the place of the point.
+        a, b, c, here = np.moveaxis(np.vstack([slope, terms.prod(axis=1) / 8]) @ x, 1, 0)
+        size = sum(a[k] * (b[k - 2] * c[k - 1] - b[k - 1] * c[k - 2]) for k in range(3)) * weights[list(ijk)].prod()
+        first = size * here
+        volume += size
+        moment += first
+        for k in range(3):
+            second[k, k:] += first[k] * here[k:]
+    for k in range(3):
+        second[k:, k] = second[k, k:]
+    sign = np.where(volume < 0, -1.0, 1.0)
     safe = np.where(volume == 0, 1.0, volume)
-    return np.asarray(abs(volume)), np.asarray(moment / safe[:, None]), np.asarray(second * sign[:, None, None])
+    return abs(volume), (moment / safe).T, (second * sign).transpose(2, 0, 1)

@@ -8,6 +8,7 @@ stiffness; neither is an exchange.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -87,11 +88,10 @@ def prove_mass_order(body: FEModel) -> MassOrder:
     mass, any_mass = _coupled(body.M, node, ids.size, share)
     if not mass.nnz:
         return MassOrder("lumped", 0, ids.size, ids.size, "the mass is lumped: no pair of nodes shows its order")
-    case = _Pairs(body, ids, mass, any_mass, *_coupled(body.K, node, ids.size, share))
-    same = np.arange(ids.size)
-    beyond, lacking = case.beyond(same), case.lacking(same)
+    case, same = _Pairs(body, ids, node, share, mass, any_mass), np.arange(ids.size)
+    beyond = sp.csr_array(mass.shape, dtype=mass.dtype) if _within(body.M, body.K) else case.beyond(same)
     pairs, alike = mass.nnz // 2, _alike(mass)
-    if beyond.nnz and lacking.nnz:
+    if beyond.nnz and (lacking := case.lacking(same)).nnz:
         _refuse_exchange(case, beyond, lacking)
         both = np.flatnonzero((np.diff(beyond.indptr) > 0) & (np.diff(lacking.indptr) > 0))
         if both.size:
@@ -118,14 +118,31 @@ def prove_mass_order(body: FEModel) -> MassOrder:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Pairs of nodes coupled by mass and by stiffness: by more than rounding, and by any entry."""
+    """Pairs of nodes coupled by mass and by stiffness: by more than rounding, and by any entry.
+
+    Those of the stiffness are found when they are asked for: most masses couple no dofs that it does not.
+    """
 
     body: FEModel
     ids: NDArray[np.int64]
+    node: NDArray[np.int64]
+    share: float
     mass: Graph
     any_mass: Graph
-    stiff: Graph
-    any_stiff: Graph
+
+    @cached_property
+    def _stiffness(self) -> tuple[Graph, Graph]:
+        return _coupled(self.body.K, self.node, self.ids.size, self.share)
+
+    @property
+    def stiff(self) -> Graph:
+        """Pairs coupled by the stiffness, by more than rounding."""
+        return self._stiffness[0]
+
+    @property
+    def any_stiff(self) -> Graph:
+        """Pairs coupled by any entry of the stiffness."""
+        return self._stiffness[1]
 
     def beyond(self, label: NDArray[np.int64]) -> Graph:
         """Pairs coupled by mass alone, if the mass had the rows of other nodes."""
@@ -134,6 +151,11 @@ class _Pairs:
     def lacking(self, label: NDArray[np.int64]) -> Graph:
         """Pairs coupled by stiffness alone."""
         return _without(self.stiff, _relabelled(self.any_mass, label))
+
+
+def _within(M: sp.csc_array, K: sp.csc_array) -> bool:
+    """True if the stiffness couples every two dofs that the mass couples; a product that underflows says False."""
+    return bool(np.count_nonzero(M.multiply(K).data) == np.count_nonzero(M.data))
 
 
 def _coupled(A: sp.csc_array, node: NDArray[np.int64], count: int, share: float) -> tuple[Graph, Graph]:

@@ -9,6 +9,7 @@ import scipy.linalg as la
 from cmsreduce.linalg import sparse
 from cmsreduce.linalg.eigen import only_motions, rigid_body_modes
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.linalg.machine.settings import KnownFactors
 from cmsreduce.linalg.sparse import (
     SOUND_PIVOT,
     ElasticFlexibility,
@@ -84,6 +85,22 @@ def test_the_proof_and_two_reductions_take_one_definite_factor(large):
         sizes = [each.rows for each in settings.work]
     # Each reduction counts its modes by a factor of its own; the other one serves all.
     assert sorted(sizes) == sorted([body.n - rows.size, body.n - rows.size, body.n])
+
+
+def test_the_factor_with_its_interface_is_kept_as_long_as_that_of_the_interior(large):
+    body, rows, R = mast()
+    with solver_settings(SolverSettings()):
+        first = held_factor(body.K, R, "the mast", rows)[2]
+        assert held_factor(body.K.copy(), R @ np.triu(np.ones((6, 6))), "the mast", rows)[2] is first
+        assert held_factor(body.K * 2, R, "the mast", rows)[2] is not first
+        assert held_factor(body.K, R, "the mast", rows[:6])[2] is not first
+    known, (a, b, c) = KnownFactors(), ([np.array([number])] for number in range(3))
+    known.store(a, "interior", 60, 1600)
+    known.store(b, "whole", 10, 1600, "interior")
+    assert known.find(b) == "whole" and "interior" in known
+    # Without its interior it would still hold the memory of it.
+    known.store(c, "another", 50, 1600)
+    assert (known.find(a), known.find(b), known.find(c)) == (None, None, "another")
 
 
 def test_an_interface_of_six_dofs_holds_the_body_alone(large):
