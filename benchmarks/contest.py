@@ -103,7 +103,7 @@ PEERS = {
     f"{OURS}-disk": Peer(
         "cmsreduce, factor on disk",
         "ours.py",
-        ("single", "uncounted", "on-disk"),
+        ("single", "uncounted"),
         environment={"PYTHONPATH": str(ROOT)},
     ),
     "scipy": Peer("scipy: splu, eigsh", "scipy_plain.py", ("default",)),
@@ -171,8 +171,7 @@ def compete(name: str, body: str, n: int, folder: Path, threads: int, limit_s: f
             start_new_session=True,
         )
         if not name.startswith(OURS):
-            # Before the interpreter is up; what it starts inherits it. Ours refuses by itself, and a factor of it that
-            # goes to disk is, for a moment, memory without pages.
+            # Before the interpreter is up; what it starts inherits it. Ours refuses by itself.
             resource.prlimit(running.pid, resource.RLIMIT_DATA, (_memory_free(),) * 2)
         try:
             running.wait(limit_s)

@@ -27,8 +27,7 @@ def main(folder: Path) -> None:
     """Factorise, solve for the constraint modes, find the modes, and count them once more for their price."""
     problem, report = Problem.load(folder), Report()
     loaded()
-    with current_settings().reused_pages(problem.K.shape[0]):
-        reduce(problem, report)
+    reduce(problem, report)
     report.write(folder / "report.json")
 
 
@@ -102,6 +101,6 @@ def cost(factor: object) -> dict[str, object]:
 if __name__ == "__main__":
     given = Path(sys.argv[1])
     precision = "single" if "single" in sys.argv[2:] else "auto"
-    allocators = "on-disk" in sys.argv[2:]
-    with solver_settings(SolverSettings(precision=precision, scratch=given / "scratch", replace_allocators=allocators)):
+    # A factor that does not fit in memory goes to disk.
+    with solver_settings(SolverSettings(precision=precision, scratch=given / "scratch")):
         main(given)
