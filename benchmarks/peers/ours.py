@@ -87,6 +87,12 @@ def loaded() -> None:
             factorise(sp.csc_array(sp.eye_array(8)))(np.ones((8, 2)))
 
 
+def borrowed_factor(K: sp.csc_matrix, backend: str):
+    """Factor of one of cmsreduce's backends, for the search of another program."""
+    with solver_settings(SolverSettings(backend)):
+        return factorise(sp.csc_array(K))
+
+
 def cost(factor: object) -> dict[str, object]:
     """Time and size of the factorisation, as far as the factor reports them."""
     spent = getattr(factor, "cost", None)
@@ -102,5 +108,6 @@ if __name__ == "__main__":
     given = Path(sys.argv[1])
     precision = "single" if "single" in sys.argv[2:] else "auto"
     # A factor that does not fit in memory goes to disk.
-    with solver_settings(SolverSettings(precision=precision, scratch=given / "scratch")):
+    backend = next((each for each in ("multifrontal", "pardiso") if each in sys.argv[2:]), "auto")
+    with solver_settings(SolverSettings(backend, precision=precision, scratch=given / "scratch")):
         main(given)
