@@ -94,6 +94,11 @@ def _own(title: str, name: str, largest: int | None = None) -> Peer:
     return Peer(title, f"{name}_cms.py", (), python, f"import {name}", largest, environment=quiet)
 
 
+def _over(title: str, script: str, backend: str) -> Peer:
+    """A search over the factor of one of cmsreduce's backends."""
+    return Peer(title, script, (backend,), environment={"PYTHONPATH": str(ROOT)})
+
+
 OURS = "cmsreduce"
 PEERS = {
     OURS: Peer("cmsreduce", "ours.py", environment={"PYTHONPATH": str(ROOT)}),
@@ -103,9 +108,13 @@ PEERS = {
     f"{OURS}-disk": Peer(
         "cmsreduce, factor on disk",
         "ours.py",
-        ("single", "uncounted", "on-disk"),
+        ("single", "uncounted"),
         environment={"PYTHONPATH": str(ROOT)},
     ),
+    f"{OURS}-multifrontal": _over("cmsreduce, multifrontal", "ours.py", "multifrontal"),
+    f"{OURS}-pardiso": _over("cmsreduce, PARDISO", "ours.py", "pardiso"),
+    "arpack-pardiso": _over("ARPACK, PARDISO", "scipy_plain.py", "pardiso"),
+    "arpack-multifrontal": _over("ARPACK, multifrontal", "scipy_plain.py", "multifrontal"),
     "scipy": Peer("scipy: splu, eigsh", "scipy_plain.py", ("default",)),
     "scipy-mmd": Peer("scipy, MMD order", "scipy_plain.py", ("mmd",)),
     "scipy-metis": Peer("scipy, METIS order", "scipy_plain.py", ("metis",), needs="import pymetis"),
@@ -171,8 +180,7 @@ def compete(name: str, body: str, n: int, folder: Path, threads: int, limit_s: f
             start_new_session=True,
         )
         if not name.startswith(OURS):
-            # Before the interpreter is up; what it starts inherits it. Ours refuses by itself, and a factor of it that
-            # goes to disk is, for a moment, memory without pages.
+            # Before the interpreter is up; what it starts inherits it. Ours refuses by itself.
             resource.prlimit(running.pid, resource.RLIMIT_DATA, (_memory_free(),) * 2)
         try:
             running.wait(limit_s)

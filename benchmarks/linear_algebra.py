@@ -50,6 +50,7 @@ def main(arguments: list[str]) -> None:
                     record = contest.compete(peer, body, BODIES[body].n, Path(scratch), threads, max(limit, 1.0))
                     contest.save(record)
             print("\n".join(performance_page.body_table(body, contest.records(), only=peers)) + "\n", flush=True)
+            print("\n".join(performance_page.search_table(body, contest.records())), flush=True)
     if given.write:
         performance_page.write(contest.records(), machine_limits.load())
 

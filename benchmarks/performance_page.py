@@ -49,6 +49,8 @@ LIMIT_COLUMNS = (
     "blocks of columns",
 )
 
+SEARCH_COLUMNS = ("columns", "solves, s", "rest, s", "modes, s", "of ours over this factor")
+
 Found = dict[tuple[str, str], dict]
 
 INTRODUCTION = f"""\
@@ -77,6 +79,9 @@ it](README.md)).
   constraint modes, by SuperLU in its default order. **sdynpy** is dense. **CalculiX** solves no static problem and
   assembles K and M itself, within its total; its shapes have no residual here. Its hexahedra are the same as here,
   its linear tetrahedra integrate the mass at one point.
+- **ARPACK** is scipy's eigsh over a factor of cmsreduce, PARDISO's or its own, beside cmsreduce over the same factor. A
+  second table has the time of the solves within each search, which is the factor's, and the rest, which is the
+  eigensolver's.
 """
 _SMALL = (
     "Three quarters of cmsreduce's time for the modes are not solves: block steps have a fixed cost in Python, and use "
@@ -98,6 +103,7 @@ def page(found: Found, limits: Limits | None) -> Iterator[str]:
         if any(where == body for where, _ in found):
             yield from body_table(body, found)
             yield ""
+            yield from search_table(body, found)
     yield from growth_table(found)
     yield from limit_table(found, limits)
     yield from error_speed_table()
@@ -125,6 +131,31 @@ def body_table(body: str, found: Found, only: tuple[str, ...] | list[str] | None
             notes.append(f"**{PEERS[peer].title} is faster here.** {FASTER.get((body, peer), '')}".strip())
     if notes:
         yield "\n" + textwrap.fill(" ".join(notes), 120).rstrip()
+
+
+def search_table(body: str, found: Found) -> Iterator[str]:
+    """Searches for the modes: time of their solves, which is the factor's, and the rest, which is the eigensolver's."""
+    here = {peer: record for (where, peer), record in found.items() if where == body and record["status"] == "ok"}
+    searched = [peer for peer in PEERS if "modes_solves" in here.get(peer, {}).get("seconds", {})]
+    # Peers over a factor that only they have are compared with no one.
+    if not any(_over_this_factor(peer) in here for peer in searched if OURS not in peer):
+        return
+    yield f"The search for the modes, {BODIES[body].n} dofs:\n"
+    yield f"| | {' | '.join(SEARCH_COLUMNS)} |"
+    yield "|---" * (len(SEARCH_COLUMNS) + 1) + "|"
+    for peer in searched:
+        record, ours = here[peer], here.get(_over_this_factor(peer))
+        whole, inside = (record["seconds"][step] for step in ("modes", "modes_solves"))
+        ratio = "" if ours is None or OURS in peer else f"{whole / ours['seconds']['modes']:.2g}"
+        columns = f"{record['passes']} of {record['columns'] / record['passes']:.3g}"
+        figures = [columns, _s(inside), _s(whole - inside), _s(whole), ratio]
+        yield f"| {PEERS[peer].title} | {' | '.join(figures)} |"
+    yield ""
+
+
+def _over_this_factor(peer: str) -> str:
+    """Name of cmsreduce over the factor of a peer."""
+    return f"{OURS}-{peer.rpartition('-')[2]}"
 
 
 def _row(peer: str, record: dict, ours: dict | None, reference: np.ndarray | None) -> str:

@@ -27,8 +27,7 @@ def main(folder: Path) -> None:
     """Factorise, solve for the constraint modes, find the modes, and count them once more for their price."""
     problem, report = Problem.load(folder), Report()
     loaded()
-    with current_settings().reused_pages(problem.K.shape[0]):
-        reduce(problem, report)
+    reduce(problem, report)
     report.write(folder / "report.json")
 
 
@@ -88,6 +87,12 @@ def loaded() -> None:
             factorise(sp.csc_array(sp.eye_array(8)))(np.ones((8, 2)))
 
 
+def borrowed_factor(K: sp.csc_matrix, backend: str):
+    """Factor of one of cmsreduce's backends, for the search of another program."""
+    with solver_settings(SolverSettings(backend)):
+        return factorise(sp.csc_array(K))
+
+
 def cost(factor: object) -> dict[str, object]:
     """Time and size of the factorisation, as far as the factor reports them."""
     spent = getattr(factor, "cost", None)
@@ -102,6 +107,7 @@ def cost(factor: object) -> dict[str, object]:
 if __name__ == "__main__":
     given = Path(sys.argv[1])
     precision = "single" if "single" in sys.argv[2:] else "auto"
-    allocators = "on-disk" in sys.argv[2:]
-    with solver_settings(SolverSettings(precision=precision, scratch=given / "scratch", replace_allocators=allocators)):
+    # A factor that does not fit in memory goes to disk.
+    backend = next((each for each in ("multifrontal", "pardiso") if each in sys.argv[2:]), "auto")
+    with solver_settings(SolverSettings(backend, precision=precision, scratch=given / "scratch")):
         main(given)

@@ -69,8 +69,12 @@ def main(folder: Path, package: str) -> None:
         B = PETSc.Mat().createDense(sizes, array=own)
         Psi = PETSc.Mat().createDense(sizes, array=np.zeros_like(own, order="F"))
         factor.matSolve(B, Psi)
+    PETSc.Log.begin()
     with report.timed("modes"):
         eps.solve()
+    spent = PETSc.Log.Event("KSPSolve").getPerfInfo()
+    report.seconds["modes_solves"] = spent["time"]
+    report.facts |= {"passes": spent["count"], "columns": spent["count"]}
     # Summed over the processes, each with its share of the matrices and the whole of what it read.
     memory = PETSc.Vec().createMPI(comm.size)
     memory.set(peak_gib())

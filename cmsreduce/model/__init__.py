@@ -48,6 +48,7 @@ from cmsreduce.model.mapped_array import (
     map_dataset,
     mapped_array,
     mapped_in,
+    mapped_values,
     shapes_beside,
 )
 from cmsreduce.model.mode_set import ModeBlock, ModeCertificate, ModeKind, ModeSet
@@ -181,6 +182,7 @@ __all__ = [
     "map_dataset",
     "mapped_array",
     "mapped_in",
+    "mapped_values",
     "matrix_in_units",
     "parameter_label",
     "pattern_errors",

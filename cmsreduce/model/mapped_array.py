@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import tempfile
 import weakref
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ __all__ = [
     "map_dataset",
     "mapped_array",
     "mapped_in",
+    "mapped_values",
     "shapes_beside",
 ]
 
@@ -82,13 +84,41 @@ def mapped_array(folder: Path, n: int, m: int, *, by_rows: bool = False) -> NDAr
     except OSError as error:
         raise WriteError(
             f"{folder}: {n} x {m} shapes ({8 * n * m / 2**30:.3g} GiB) outgrow `solver.memory`, and this disk has no "
-            f"room: {error.strerror or error}. Free space, choose another `output:` (or --out), or give more memory"
+            f"room: {error.strerror or error}. Free space, name another folder in `solver.scratch`, or give more memory"
         ) from None
     try:
         path.unlink()
     except PermissionError:
         weakref.finalize(mapped, _remove, path)
     return np.asarray(mapped) if by_rows else np.asarray(mapped).T
+
+
+def mapped_values(folder: Path, count: int, real: np.dtype[Any]) -> NDArray[Any]:
+    """Reserve values of any type in a file without a name, which vanishes with the array or with the process.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the file; made if it does not exist.
+    count : int
+        Number of values, not zero.
+    real : dtype
+        Their type.
+
+    Returns
+    -------
+    (count,) memmap
+        Zeros.
+
+    Raises
+    ------
+    OSError
+        If the disk is full.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder) as file:
+        _reserve(file, count * real.itemsize)
+        return np.memmap(file, dtype=real, mode="r+", shape=(count,))
 
 
 def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:
@@ -117,7 +147,8 @@ def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:
     from h5py import h5d, h5p, h5s, h5t
 
     # Reserved first: the HDF5 library ends the whole process if the disk is full.
-    _reserve(path, shape[0] * shape[1] * _DOUBLE.itemsize + _HEADER)
+    with path.open("r+b") as reserved:
+        _reserve(reserved, shape[0] * shape[1] * _DOUBLE.itemsize + _HEADER)
     layout = h5p.create(h5p.DATASET_CREATE)
     layout.set_layout(h5d.CONTIGUOUS)
     layout.set_alloc_time(h5d.ALLOC_TIME_EARLY)
@@ -178,14 +209,13 @@ def chosen_columns(
     return found
 
 
-def _reserve(path: Path, size: int) -> None:
-    """Reserve bytes on disk at the end of a file."""
-    with path.open("r+b") as file:
-        end = file.seek(0, os.SEEK_END)
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(file.fileno(), end, size)
-        else:
-            file.truncate(end + size)
+def _reserve(file: IO[bytes], size: int) -> None:
+    """Reserve bytes on disk at the end of a file: a mapped page without room on disk would end the process."""
+    end = file.seek(0, os.SEEK_END)
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file.fileno(), end, size)
+    else:
+        file.truncate(end + size)
 
 
 def _remove(path: Path) -> None:

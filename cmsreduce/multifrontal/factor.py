@@ -15,6 +15,7 @@ from cmsreduce.multifrontal.blas import routines
 from cmsreduce.multifrontal.elimination import couplings
 from cmsreduce.multifrontal.fronts import Blocks, Given, depth_parity, eliminate, place_panels, stack_size
 from cmsreduce.multifrontal.ordering import nested_dissection
+from cmsreduce.multifrontal.pages import Pages
 from cmsreduce.multifrontal.substitution import backward, diagonal, forward, gather, largest, spread
 from cmsreduce.multifrontal.supernodes import Supernodes, shares, supernodes
 from cmsreduce.multifrontal.threads import blas_threads
@@ -43,11 +44,14 @@ class FactorSize(NamedTuple):
         Floating-point operations of the factorisation.
     bytes : float
         Peak memory of the factorisation, without the matrix.
+    stored : float
+        Part of these bytes that holds the entries, in memory or in a file.
     """
 
     entries: int
     operations: float
     bytes: float
+    stored: float
 
 
 class CholeskyFactor:
@@ -65,6 +69,9 @@ class CholeskyFactor:
         S, for factors of S A S in float32: half the memory and half the time, seven digits.
     admit : callable, optional
         Called with the `FactorSize` before memory is allocated; raises an error if it is too large.
+    allocate : callable
+        Makes the array of a number of entries of a type: in memory, or in a file as a `numpy.memmap` from its first
+        byte on. Entries in a file are written once, front by front, and read twice by each solve.
 
     Raises
     ------
@@ -96,6 +103,7 @@ class CholeskyFactor:
         threads: int = 1,
         scale: NDArray[np.float64] | None = None,
         admit: Callable[[FactorSize], None] | None = None,
+        allocate: Callable[[int, np.dtype[Any]], NDArray[Any]] = np.empty,
     ) -> None:
         self.n = int(A.shape[0])
         self._real = np.dtype(np.float64 if scale is None else np.float32)
@@ -106,19 +114,20 @@ class CholeskyFactor:
         above = tree.above
         load = np.add.reduceat(tree.operations[: above.start], tree.subtrees[:-1]) if above.start else np.zeros(0)
         self._shares = shares(load.tolist(), threads)[0]
-        # Supernodes of each thread.
-        self._own = [
-            np.concatenate([np.zeros(0, dtype=np.int64), *(np.array(tree.subtree(each)) for each in sorted(share))])
-            for share in self._shares
-        ]
         memory = _UpdateMemory(tree, self._shares)
         stored = int(entries[-1])
         taken = self._real.itemsize * (stored + memory.entries) + np.dtype(np.int32).itemsize * threads * self.n
-        self.size = FactorSize(tree.nnz, float(tree.operations.sum()), float(taken))
+        size = float(self._real.itemsize * stored)
+        self.size = FactorSize(tree.nnz, float(tree.operations.sum()), float(taken), size)
         if admit is not None:
             admit(self.size)
-        self._blocks = Blocks(tree.first, tree.rows, tree.begin, panels, entries, np.empty(stored, self._real))
-        self._scale = np.ones(self.n) if scale is None else scale
+        values = np.asarray(allocate(stored, self._real))
+        self._blocks = Blocks(tree.first, tree.rows, tree.begin, panels, entries, values)
+        pages = self._pages = Pages(self._blocks)
+        # Supernodes of each thread, and those above all subtrees.
+        self._own = [pages.pieces(tree.subtree(each) for each in sorted(share)) for share in self._shares]
+        self._above = pages.pieces([above])
+        self._scale, self._diagonal = np.ones(self.n) if scale is None else scale, np.empty(self.n)
         self._factorise(A, memory)
 
     @property
@@ -136,9 +145,13 @@ class CholeskyFactor:
         updates: dict[int, NDArray[Any]] = {}
 
         def eliminate_part(part: range, stack: NDArray[Any], tops: Ints, where: NDArray[np.int32]) -> None:
-            failed = eliminate(part.start, part.stop, given, self._blocks, places, stack, tops, where, self._table)
-            if failed:
-                raise NotPositiveDefiniteError(int(tree.order[failed - 1]))
+            for piece in self._pages.pieces([part]):
+                low, high = int(piece[0]), int(piece[-1]) + 1
+                failed = eliminate(low, high, given, self._blocks, places, stack, tops, where, self._table)
+                if failed:
+                    raise NotPositiveDefiniteError(int(tree.order[failed - 1]))
+                diagonal(low, high, self._blocks, self._diagonal)
+                self._pages.release(piece)
 
         def eliminate_subtrees(t: int) -> None:
             stack, where = np.empty(memory.stacks[t], self._real), np.empty(n, dtype=np.int32)
@@ -177,26 +190,35 @@ class CholeskyFactor:
         """
         if not (b.flags.c_contiguous or b.flags.f_contiguous):
             b = np.asfortranarray(b)
-        tree, (n, k), threads, table = self._tree, b.shape, len(self._own), self._table
+        tree, (n, k), threads, table, pages = self._tree, b.shape, len(self._own), self._table, self._pages
         W = np.empty((n, k), self._real)
         # Without this a column of small values would vanish in float32.
         size = np.ones(k) if self._real == np.float64 else largest(b, self._scale)
         cuts = np.linspace(0, n, threads + 1).astype(int)
         shared = int(tree.first[tree.above.start])
         changes = [np.zeros((n - shared, k), self._real) for _ in self._own]
-        above, x = np.array(tree.above, dtype=np.int64), np.empty((n, k), order="C" if b.flags.c_contiguous else "F")
+        x = np.empty((n, k), order="C" if b.flags.c_contiguous else "F")
+
+        def eliminated(pieces: list[Ints], first_shared: int, sums: NDArray[Any]) -> None:
+            for piece in pages.in_turn(pieces):
+                forward(piece, self._blocks, W, first_shared, sums, table)
+
+        def substituted(pieces: list[Ints]) -> None:
+            for piece in pages.in_turn(pieces[::-1]):
+                backward(piece, self._blocks, W, table)
+
         with blas_threads(1), ThreadPoolExecutor(threads) as pool:
 
             def in_parallel(work: Callable[[int], None]) -> None:
                 list(pool.map(work, range(threads)))
 
             in_parallel(lambda t: gather(cuts[t], cuts[t + 1], b, tree.order, self._scale, size, W))
-            in_parallel(lambda t: forward(self._own[t], self._blocks, W, shared, changes[t], table))
+            in_parallel(lambda t: eliminated(self._own[t], shared, changes[t]))
             for change in changes:
                 W[shared:] += change
-            forward(above, self._blocks, W, n, changes[0], table)
-            backward(above, self._blocks, W, table)
-            in_parallel(lambda t: backward(self._own[t], self._blocks, W, table))
+            eliminated(self._above, n, changes[0])
+            substituted(self._above)
+            in_parallel(lambda t: substituted(self._own[t]))
             in_parallel(lambda t: spread(cuts[t], cuts[t + 1], W, tree.order, self._scale, size, x))
         return x
 
@@ -204,7 +226,7 @@ class CholeskyFactor:
     def pivots(self) -> NDArray[np.float64]:
         """Pivots L_ii^2 in the matrix's own row order (n,)."""
         pivots = np.empty(self.n)
-        pivots[self._tree.order] = diagonal(self._blocks)
+        pivots[self._tree.order] = self._diagonal
         return np.asarray((pivots / self._scale) ** 2)
 
 

@@ -124,10 +124,9 @@ def backward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], table: Ints) -> 
 
 
 @loop
-def diagonal(blocks: Blocks) -> NDArray[np.float64]:
-    """Diagonal of L in the order of elimination."""
-    found = np.empty(blocks.first[-1])
-    for s in range(blocks.first.size - 1):
+def diagonal(low: int, high: int, blocks: Blocks, found: NDArray[np.float64]) -> None:
+    """Write the diagonal of L, in the order of elimination, for the columns of supernodes low to high."""
+    for s in range(low, high):
         c = blocks.first[s + 1] - blocks.first[s]
         front = c + blocks.begin[s + 1] - blocks.begin[s]
         for j in range(c):
@@ -135,4 +134,3 @@ def diagonal(blocks: Blocks) -> NDArray[np.float64]:
             found[blocks.first[s] + j] = blocks.values[
                 blocks.entries[blocks.panels[s] + j // PANEL] + (j - a) * (front - a + 1)
             ]
-    return found

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.linalg.machine import current_settings
 from cmsreduce.model import (
     FEModel,
     ModalComponent,
@@ -145,15 +144,14 @@ class Reduction(ABC):
         MatrixError
             If a rigid-body mode lies outside the span of the mode set, or the set holds no shape at all.
         """
-        with current_settings().reused_pages(body.n):
-            rigid = _rigid_modes(body) if rigid is None else rigid
-            basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
-            self._refuse_empty(body, basis.modes)
-            modes = basis.enriched() if enriched else basis.modes
-            # The factor that the basis holds is large.
-            del basis
-            corners = self._at_corners(body, interface, loads, rigid, enriched=enriched)
-            return project(body, with_corners(body, modes, corners, self.cutoff_hz), rigid)
+        rigid = _rigid_modes(body) if rigid is None else rigid
+        basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+        self._refuse_empty(body, basis.modes)
+        modes = basis.enriched() if enriched else basis.modes
+        # The factor that the basis holds is large.
+        del basis
+        corners = self._at_corners(body, interface, loads, rigid, enriched=enriched)
+        return project(body, with_corners(body, modes, corners, self.cutoff_hz), rigid)
 
     def examine(
         self,
@@ -182,20 +180,19 @@ class Reduction(ABC):
         MatrixError
             As in `reduce`.
         """
-        with current_settings().reused_pages(body.n):
-            rigid = _rigid_modes(body) if rigid is None else rigid
-            basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
-            self._refuse_empty(body, basis.modes)
-            missed = basis.missed(_loads(body, tested))
-            modes, more = basis.modes, basis.enriched() if enrich else None
-            # The factor that the basis holds is large.
-            del basis
-            corners = self._at_corners(body, interface, loads, rigid)
-            modes = with_corners(body, modes, corners, self.cutoff_hz)
-            richer = None
-            if more is not None:
-                richer = project(body, with_corners(body, more, corners, self.cutoff_hz), rigid)
-            return Examined(project(body, modes, rigid), missed, richer)
+        rigid = _rigid_modes(body) if rigid is None else rigid
+        basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+        self._refuse_empty(body, basis.modes)
+        missed = basis.missed(_loads(body, tested))
+        modes, more = basis.modes, basis.enriched() if enrich else None
+        # The factor that the basis holds is large.
+        del basis
+        corners = self._at_corners(body, interface, loads, rigid)
+        modes = with_corners(body, modes, corners, self.cutoff_hz)
+        richer = None
+        if more is not None:
+            richer = project(body, with_corners(body, more, corners, self.cutoff_hz), rigid)
+        return Examined(project(body, modes, rigid), missed, richer)
 
     def _at_corners(
         self, body: FEModel, interface: ArrayLike | None, loads: Array | None, rigid: Array, *, enriched: bool = False

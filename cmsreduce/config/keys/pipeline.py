@@ -46,7 +46,10 @@ Memory = Annotated[float, BeforeValidator(_memory), Field(gt=0), WithJsonSchema(
 class SolverKeys(Keys):
     """Sparse solver, and the threads and memory that it may use."""
 
-    removed: ClassVar[Mapping[str, str]] = NO_PARTS
+    removed: ClassVar[Mapping[str, str]] = NO_PARTS | {
+        "replace_allocators": "No allocator is replaced any more. Take the key out: a factor that does not fit in "
+        "memory lies in a file; `solver.scratch` names its folder"
+    }
 
     backend: Backend = Field(
         default="auto",
@@ -64,8 +67,8 @@ class SolverKeys(Keys):
     )
     memory: Memory | None = Field(
         default=None,
-        description="Memory that a factor may take. A factor that needs more is refused before it is computed, or "
-        "computed on disk (pardiso with replace_allocators). By default most of the free memory.",
+        description="Memory that a factor may take. A factor that needs more is made in a file; without room on "
+        "disk it is refused before it is computed. By default most of the free memory.",
         examples=["8 GiB"],
     )
     precision: Precision = Field(
@@ -84,13 +87,11 @@ class SolverKeys(Keys):
         "cmsreduce, or else /usr/bin/python3, for which Debian packages python3-petsc4py.",
         examples=["/usr/bin/python3"],
     )
-    replace_allocators: bool = Field(
-        default=False,
-        strict=True,
-        description="Allow two changes to the whole process (Linux only, docs/large-bodies.md): MKL's allocator is "
-        "replaced, so that a factor of pardiso that does not fit in memory lies in a file, and the C library reuses "
-        "freed pages while a body is reduced.",
-        examples=[True],
+    scratch: DataPath | None = Field(
+        default=None,
+        description="Folder for factors and bases that do not fit in memory (docs/large-bodies.md); by default that of "
+        "the run's stages. A fast disk: each solve reads the whole factor twice.",
+        examples=["/scratch/me"],
     )
 
 

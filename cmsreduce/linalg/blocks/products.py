@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.machine import SparseMatrix, current_settings, mkl_library, watch_if_large
+from cmsreduce.linalg.machine import SparseMatrix, current_settings, mkl_library
 
 __all__ = ["Product", "column_blocks", "congruence", "mkl_product", "one_norm", "symmetric_product"]
 
@@ -69,7 +69,6 @@ def mkl_product(A: sp.csc_array) -> Product | None:
     """
     if mkl_library() is None or A.nnz > np.iinfo(np.int32).max or A.data.dtype != np.float64:
         return None
-    watch_if_large(A.shape[0])
     try:
         matrix = SparseMatrix(A.indptr.astype(np.int32, copy=False), A.indices.astype(np.int32, copy=False), A.data)
     except ValueError:

@@ -6,7 +6,6 @@ Algorithms belong in the other rooms of `linalg`.
 
 from cmsreduce.linalg.machine.lapack_calls import lapack_call, lapack_offers
 from cmsreduce.linalg.machine.mkl_library import SparseMatrix, add_product, mkl_library, pardiso, pardiso_pivots
-from cmsreduce.linalg.machine.mkl_memory import can_be_mapped, free_on_disk, mapped_entries, watch_if_large
 from cmsreduce.linalg.machine.settings import (
     BACKENDS,
     Backend,
@@ -29,17 +28,13 @@ __all__ = [
     "add_product",
     "allowed_threads",
     "available_memory",
-    "can_be_mapped",
     "current_settings",
-    "free_on_disk",
     "lapack_call",
     "lapack_offers",
-    "mapped_entries",
     "mkl_library",
     "pardiso",
     "pardiso_pivots",
     "share_rows",
     "solver_settings",
     "usable_cores",
-    "watch_if_large",
 ]

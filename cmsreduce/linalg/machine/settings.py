@@ -10,7 +10,7 @@ import os
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +19,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.machine.allocators import reusable_bytes, reused_pages
 from cmsreduce.model import Factorisation
 from cmsreduce.multifrontal import blas_threads
 
@@ -144,11 +143,7 @@ class SolverSettings:
     python : str, optional
         Interpreter with petsc4py for ``mumps``; this one or the system's if absent.
     scratch : Path, optional
-        Folder for bases that do not fit in memory, and with ``replace_allocators`` for factors; without it all bases
-        stay in memory.
-    replace_allocators : bool
-        Whether the allocators of the C library and of MKL may be changed for the whole process while a body is reduced:
-        freed pages are then reused (`allocators`), and factors that do not fit in memory lie in files (`mkl_memory`).
+        Folder of files for bases and factors that do not fit in memory; without it all of them stay in memory.
     work : list of Factorisation
         All factorisations under these settings, in order.
     orders : KnownOrders
@@ -164,7 +159,6 @@ class SolverSettings:
     ranks: int = 2
     python: str | None = None
     scratch: Path | None = None
-    replace_allocators: bool = False
     work: list[Factorisation] = field(default_factory=list, compare=False)
     orders: KnownOrders = field(default_factory=KnownOrders, compare=False, repr=False)
     factors: KnownFactors = field(default_factory=KnownFactors, compare=False, repr=False)
@@ -178,10 +172,6 @@ class SolverSettings:
     def basis_limit(self) -> float:
         """Bytes above which a basis goes to disk."""
         return _BASIS_SHARE * self.memory_limit
-
-    def reused_pages(self, n: int) -> AbstractContextManager[None]:
-        """Context for work on n rows that reuses memory pages if ``replace_allocators`` is set."""
-        return reused_pages(n, self.memory_limit) if self.replace_allocators else nullcontext()
 
     @property
     def thread_count(self) -> int:
@@ -253,7 +243,7 @@ def available_memory() -> float:
     if table.is_file():
         for line in table.read_text().splitlines():
             if line.startswith("MemAvailable:"):
-                return float(line.split()[1]) * _KIB + reusable_bytes()
+                return float(line.split()[1]) * _KIB
     return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
 
 

@@ -32,11 +32,14 @@ class FactorCost:
         Floating-point operations of the factorisation.
     bytes : float
         Peak memory of the factorisation, without the matrix.
+    file : float
+        Size of the file that holds the factor, in bytes; 0 for a factor in memory.
     """
 
     nnz: int
     flops: float
     bytes: float
+    file: float = 0.0
 
 
 Admit = Callable[[FactorCost], None]
@@ -44,7 +47,14 @@ Admit = Callable[[FactorCost], None]
 
 
 class SingularFactorError(ArithmeticError):
-    """The factorisation stopped at a zero pivot, or at a negative pivot of a definite matrix."""
+    """The factorisation stopped at a zero pivot, or at a negative pivot of a definite matrix.
+
+    ``row`` is that of the pivot, if the matrix cannot be factorised again to find a better one.
+    """
+
+    def __init__(self, row: int | None = None) -> None:
+        super().__init__()
+        self.row = row
 
 
 class Factor(ABC):

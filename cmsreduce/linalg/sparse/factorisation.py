@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import importlib.util
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache, partial
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -17,7 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.machine import BACKENDS, Backend, SolverSettings, current_settings, mkl_library
+from cmsreduce.linalg.machine import BACKENDS, Backend, Precision, SolverSettings, current_settings, mkl_library
 from cmsreduce.linalg.sparse.cholmod import cholmod_factor
 from cmsreduce.linalg.sparse.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.sparse.multifrontal import Multifrontal
@@ -51,6 +52,7 @@ _LARGEST_SINGULAR = 1e-10
 _LEFT_BY_ARITHMETIC = 5.0
 # Raises the diagonal of an exactly singular matrix so that it can be factorised: the smallest pivot shows the row.
 _RAISED = 1e-8
+_MIB = 2.0**20
 # Below this number of rows SuperLU is done before another library is loaded: a whole run of 1080 dofs takes as long
 # with MKL, one of 3060 dofs 0.14 s less.
 _SMALL = 1000
@@ -106,12 +108,12 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     backend = _backend(settings.backend, A.shape[0], definite)
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     factor, refused, precision = None, None, ""
-    for precision_tried, kind in _kinds(backend, settings):
+    for precision_tried, kind in _kinds(backend, settings, definite):
         try:
             try:
                 factor = kind(A, definite, admit)
-            except SingularFactorError:
-                if not definite:
+            except SingularFactorError as error:
+                if not definite or error.row is not None:
                     raise
                 # Cholesky stops at a pivot that is not positive; L D L^T shows the smallest pivot.
                 factor = kind(A, False, admit)
@@ -121,21 +123,28 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
             # The frames of the error hold the symbolic factor, some kB for each row.
             refused = error.with_traceback(None)
         except UnrefinableError:
-            if refused is not None:
-                break
-            raise MatrixError(
-                f"{what} ({A.shape[0]} rows) is too ill conditioned for a factor in single precision; set "
-                "solver.precision to double"
+            if refused is None:
+                raise MatrixError(
+                    f"{what} ({A.shape[0]} rows) is too ill conditioned for a factor in single precision; set "
+                    "solver.precision to double"
+                ) from None
+        except OSError as error:
+            raise InsufficientMemoryError(
+                f"{refused}. Nor does it fit in a file in {settings.scratch}: {error.strerror or error}; free space "
+                "there, or name another folder in `solver.scratch`"
             ) from None
-        except SingularFactorError:
-            row = _singular_row(A)
+        except SingularFactorError as error:
+            row = _singular_row(A) if error.row is None else error.row
             raise NotPositiveDefiniteError(f"{what} is singular: nothing holds row {row + 1}", row) from None
     if factor is None:
         assert refused is not None
         raise refused from None
     seconds, cost = time.perf_counter() - started, factor.cost
     settings.work.append(
-        Factorisation(factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds, precision)
+        Factorisation(
+            *(factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / _MIB, seconds, precision),
+            cost.file / _MIB,
+        )
     )
     # Refinement that converges proves the signs of all pivots of a factor in single precision.
     proven = isinstance(factor, RefinedFactor) and factor.inertia_known and not factor.negative_pivots
@@ -147,7 +156,7 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
                 f"{what} is not positive definite: pivot ratio {ratio:.1e} at row {row + 1}", row
             )
     if kept:
-        settings.factors.store(entries, factor, cost.bytes, settings.memory_limit)
+        settings.factors.store(entries, factor, cost.bytes + cost.file, settings.memory_limit)
     return factor
 
 
@@ -183,29 +192,44 @@ def _backend(wanted: Backend, n: int, definite: bool) -> Backend:
     return wanted if n else "superlu"
 
 
-def _kinds(backend: Backend, settings: SolverSettings) -> list[tuple[str, _Kind]]:
+def _kinds(backend: Backend, settings: SolverSettings, definite: bool) -> Iterator[tuple[str, _Kind]]:
     """Precisions and factors of a solver in the order in which they are tried.
 
     Raises `MatrixError` if the settings name this solver and single precision, which it does not have.
     """
-    # PARDISO needs no memory beside the factor, and can put the factor on disk: it follows the multifrontal solver.
+    # PARDISO needs no memory beside the factor: it follows the multifrontal solver.
     followed = backend == "multifrontal" and settings.backend == "auto" and installed("pardiso")
     tried: list[Backend] = [backend, "pardiso"] if followed else [backend]
-    on_disk = partial(Pardiso, folder=settings.scratch if settings.replace_allocators else None)
-    rough: dict[str, Rough] = {"pardiso": on_disk, "multifrontal": _rough_multifrontal}
+    rough: dict[str, Rough] = {"pardiso": Pardiso, "multifrontal": _rough_multifrontal}
     single: list[tuple[str, _Kind]] = [
         ("single", partial(RefinedFactor, rough=rough[each])) for each in tried if each in rough
     ]
+    double: list[tuple[str, _Kind]] = [("double", _DOUBLE[each]) for each in tried]
     if settings.precision == "single" and not single and settings.backend != "auto":
         raise MatrixError(
             f"{' and '.join(rough)} make factors in single precision, {backend} does not: set solver.backend to one "
             "of them"
         )
-    # In double precision a factor goes to disk only if single precision is ruled out.
-    double: list[tuple[str, _Kind]] = [
-        ("double", on_disk if each == "pardiso" and settings.precision == "double" else _DOUBLE[each]) for each in tried
-    ]
-    return {"single": single or double, "double": double, "auto": [*double, *single]}[settings.precision]
+    # Single precision gives the exact inertia of a shifted matrix too (`RefinedFactor`).
+    precision = "auto" if settings.precision == "double" and not definite else settings.precision
+    yield from {"single": single or double, "double": double, "auto": [*double, *single]}[precision]
+    named = settings.backend not in ("auto", "multifrontal")
+    # The question whether it is installed loads numba.
+    if definite and settings.scratch is not None and not named and installed("multifrontal"):
+        yield from _on_disk(settings.scratch, settings.precision)
+
+
+def _on_disk(folder: Path, precision: Precision) -> list[tuple[str, _Kind]]:
+    """Factors of definite matrices in a file. In single precision half as much is read for each solve."""
+
+    def double(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
+        return Multifrontal(A, admit, folder=folder)
+
+    def rough(A: sp.csc_array, definite: bool, admit: Admit, scale: NDArray[np.float64]) -> Factor:
+        return Multifrontal(A, admit, scale, folder)
+
+    kinds: list[tuple[str, _Kind]] = [("single", partial(RefinedFactor, rough=rough)), ("double", double)]
+    return [kind for kind in kinds if precision in ("auto", kind[0])]
 
 
 def _multifrontal(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:

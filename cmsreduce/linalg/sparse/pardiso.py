@@ -1,11 +1,9 @@
-"""Backend MKL PARDISO: supernodal symmetric factors in METIS order, on all threads, in memory or on disk."""
+"""Backend MKL PARDISO: supernodal symmetric factors in METIS order, on all threads."""
 
 from __future__ import annotations
 
 import weakref
-from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,16 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import by_columns
-from cmsreduce.linalg.machine import (
-    can_be_mapped,
-    current_settings,
-    free_on_disk,
-    mapped_entries,
-    mkl_library,
-    pardiso,
-    pardiso_pivots,
-    watch_if_large,
-)
+from cmsreduce.linalg.machine import current_settings, mkl_library, pardiso, pardiso_pivots
 from cmsreduce.linalg.sparse.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.sparse.lower_triangle import lower_triangle
 
@@ -59,8 +48,6 @@ class Pardiso(Factor):
         Refuses a factor that is too large.
     scale : (n,) float64, optional
         S, for factors of S A S in float32: half the memory and half the time, seven digits.
-    folder : Path, optional
-        Folder for a file with the factor if memory does not suffice.
 
     Raises
     ------
@@ -84,7 +71,6 @@ class Pardiso(Factor):
         definite: bool,
         admit: Admit,
         scale: NDArray[np.float64] | None = None,
-        folder: Path | None = None,
     ) -> None:
         if mkl_library() is None:
             raise MatrixError("the MKL runtime is not installed: pip install mkl, or set solver.backend to superlu")
@@ -102,7 +88,6 @@ class Pardiso(Factor):
         self._iparm = _parameters(A.shape[0], scale is not None, known is not None).astype(integer)
         size = A.shape[0]
         self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
-        watch_if_large(size)
         self._call(_ANALYSE, size)
         if known is None:
             orders.store(indptr, indices, self._order)
@@ -112,25 +97,11 @@ class Pardiso(Factor):
         counted = float(self._iparm[18]) * 1e6
         flops = counted if counted > 0 else 2.0 * nnz**2 / max(size, 1)
         super().__init__(A, FactorCost(nnz, flops, (peak + factors) * _KIB))
-        on_disk = self._goes_to_disk(admit, folder, factors * _KIB)
-        with mapped_entries(folder if on_disk else None):
-            self._call(_FACTORISE, size)
+        admit(self.cost)
+        self._call(_FACTORISE, size)
         if not self._iparm[_MOVED]:
             # Solves read the matrix only to refine solutions after a moved pivot.
             self._matrix = values[:1].copy(), indptr[:1].copy(), indices[:1].copy()
-
-    def _goes_to_disk(self, admit: Admit, folder: Path | None, room: float) -> bool:
-        """True if the factor, with ``room`` bytes in PARDISO, does not fit in memory but fits on disk."""
-        entries = float(self.cost.nnz * self._real.itemsize)
-        try:
-            admit(self.cost)
-        except MatrixError:
-            if folder is None or not can_be_mapped() or entries > free_on_disk(folder):
-                raise
-            # The work space of the analysis stays in memory.
-            admit(replace(self.cost, bytes=max(room - entries, 0.0)))
-            return True
-        return False
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution (n, k) for A, not for S A S; in single precision to seven digits."""

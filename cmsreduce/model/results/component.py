@@ -54,6 +54,8 @@ class Factorisation:
         Wall time of both phases.
     precision : str
         ``double``, or ``single`` where the factor is in float32 and its solutions are refined.
+    file_mib : float
+        Size of the file that holds the factor in MiB; 0 for a factor in memory.
     """
 
     backend: str
@@ -63,6 +65,7 @@ class Factorisation:
     mib: float
     seconds: float
     precision: str = "double"
+    file_mib: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

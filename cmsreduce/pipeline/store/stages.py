@@ -124,7 +124,8 @@ class Stages:
         common: CommonWork | None = None,
     ) -> None:
         # Arrays that outgrow memory lie beside the finished stages, on the same disk.
-        self.solver = replace(SolverSettings() if solver is None else solver, scratch=folder / STAGES_FOLDER)
+        given = SolverSettings() if solver is None else solver
+        self.solver = replace(given, scratch=given.scratch or folder / STAGES_FOLDER)
         self.store, self.progress, self.only, self.common = StageStore(folder, progress.note), progress, only, common
         self.factorised: dict[str, dict[str, list[Factorisation]]] = {}
         self.seconds: dict[str, dict[str, float]] = {}

@@ -118,6 +118,6 @@ def test_a_full_disk_is_reported_before_any_computation(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "posix_fallocate", full)
-    with pytest.raises(WriteError, match=r"3000 x 150 shapes.*No space left.*--out"):
+    with pytest.raises(WriteError, match=r"3000 x 150 shapes.*No space left.*`solver.scratch`"):
         mapped_array(tmp_path, N, M)
     assert not list(tmp_path.iterdir())
