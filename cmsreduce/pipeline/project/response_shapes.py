@@ -28,12 +28,12 @@ _FIRST = 12
 _FIRST_BETWEEN = 6
 # Configurations of the range looked at together, for each motion that articulates, and at most.
 _LOOKED_AT, _MOST_LOOKED_AT = 64, 128
-# So many configurations that no decision was made with must hold the limits at the end: with 95 % confidence less than
-# 0.3 % of the range breaks one.
-_PROOF = 1024
+# So many configurations that no decision was made with must hold this share of the limits at the end: with 95 %
+# confidence less than 0.6 % of the range exceeds the share, and much less breaks a limit.
+_PROOF, _HELD = 512, 0.96
 # Configurations added at a time, apart from each other by this share of the range, and rounds of additions.
-_ADDED, _APART, _ADDITIONS = 2, 0.05, 24
-# Share of every limit that is aimed at where the whole range counts: angles that were not looked at err a little more.
+_ADDED, _APART, _ADDITIONS = 3, 0.05, 24
+# Share of every limit that is aimed at where the whole range counts: other configurations err a little more.
 _BETWEEN_AIM = 0.92
 # Configurations with the largest errors that are followed uphill, and the steps, in shares of the range.
 _CLIMBED, _CLIMB = 4, (0.04, 0.02, 0.01)
@@ -239,7 +239,7 @@ class ResponseShapes:
                 while not found.passes and found.count < sum(c.elastic_count for c in self.bodies.values()):
                     found = self._search.grown(found, 1)
                 continue
-            self._held += len(looked)
+            self._held += len(fresh)
             if not grow or not fresh or self._held >= _PROOF or (self._over(errors) > 1).any():
                 break
         return found, {each.name: tuple(error) for each, error in zip(looked, errors.tolist(), strict=True)}
@@ -255,7 +255,7 @@ class ResponseShapes:
         found.sort(key=lambda each: -each[0])
         chosen: list[Configuration] = []
         for ratio, each in found:
-            if len(chosen) < _ADDED and ratio > self._aim and self._apart(each, chosen) and each not in self.chosen:
+            if len(chosen) < _ADDED and ratio > _HELD and self._apart(each, chosen) and each not in self.chosen:
                 chosen.append(each)
         return chosen
 
