@@ -16,6 +16,10 @@ Complex = NDArray[np.complex128]
 Shapes = Mapping[str, Array]
 """Shapes of each body (n, k): combinations of its free modes, of full rank."""
 
+# A sum over complex modes is checked at about so many frequencies, and holds where it inverts the stiffness this well:
+# rounding times the condition of a sharp resonance.
+_CHECKED, _INVERTED = 12, 1e-8
+
 
 @dataclass(frozen=True, eq=False)
 class BodyModes:
@@ -50,6 +54,31 @@ class BodyModes:
         return np.asarray(
             (1 + 1j * self.loss) * (weighted.T @ weighted) + 1j * w * (V.T @ self.damped(V)) - w**2 * (V.T @ V)
         )
+
+    def flexibility(self, V: Array, omega: Array) -> Complex:
+        """(V^T Z V)^-1 at frequencies (f, k, k), as a sum over the complex modes of the shapes.
+
+        Notes
+        -----
+        The modes of s^2 M + s D + K in the shapes come from one eigenproblem of twice their number; then all
+        frequencies are one product. Where modes coincide without being independent, each frequency is inverted.
+        """
+        weighted, k = self.omega[:, None] * V, V.shape[1]
+        M, D, K = V.T @ V, V.T @ self.damped(V), (1 + 1j * self.loss) * (weighted.T @ weighted)
+        X = np.linalg.inv(M)
+        first = np.block([[np.zeros((k, k)), np.eye(k)], [-X @ K, -X @ D]])
+        s, shapes = np.linalg.eig(first)
+        try:
+            loads = np.linalg.solve(shapes, np.vstack([np.zeros((k, k)), X]).astype(np.complex128))
+        except np.linalg.LinAlgError:
+            return np.asarray(np.linalg.inv(self.dynamic_stiffness(V, omega)))
+        weights = 1 / (1j * omega[:, None] - s)
+        Y = (weights @ (shapes[:k].T[:, :, None] * loads[:, None, :]).reshape(2 * k, -1)).reshape(-1, k, k)
+        check = self.dynamic_stiffness(V, omega[:: max(1, omega.size // _CHECKED)])
+        off = check @ Y[:: max(1, omega.size // _CHECKED)] - np.eye(k)
+        if abs(off).max(initial=0.0) < _INVERTED:
+            return np.asarray(Y)
+        return np.asarray(np.linalg.inv(self.dynamic_stiffness(V, omega)))
 
     def modal_stiffness(self, omega: Array) -> Complex:
         """Diagonal of Z at frequencies (f, n)."""
@@ -167,10 +196,7 @@ class SceneResponses:
         LinAlgError
             If the joints are not independent in the motions that the shapes leave.
         """
-        flexibility = {
-            name: np.asarray(np.linalg.inv(body.dynamic_stiffness(shapes[name], self._omega)))
-            for name, body in self.bodies.items()
-        }
+        flexibility = {name: body.flexibility(shapes[name], self._omega) for name, body in self.bodies.items()}
         return [
             _joined(sample, shapes, {name: Y[part] for name, Y in flexibility.items()})
             for sample, part in zip(self.samples, self._parts, strict=True)
@@ -203,11 +229,10 @@ class SceneResponses:
                 x, z = each.primal[name], each.adjoint[name]
                 # Conjugated slope between adjoint and primal amplitudes.
                 to_inputs, to_outputs = x @ slope.conj().transpose(0, 2, 1), z @ slope.conj()
-                total += sample.left[name].T @ np.einsum("flo,fko->lk", each.observers, to_inputs, optimize=True).real
-                total += sample.right[name].T @ np.einsum("fri,fki->rk", each.loads, to_outputs, optimize=True).real
+                total += sample.left[name].T @ _summed(each.observers, to_inputs).real
+                total += sample.right[name].T @ _summed(each.loads, to_outputs).real
                 for power in range(3):
-                    scaled = to_outputs * (sample.omega**power)[:, None, None]
-                    moments[power] += np.einsum("fai,fbi->ab", scaled, x, optimize=True)
+                    moments[power] += _summed(to_outputs * (sample.omega**power)[:, None, None], x)
             of_K, of_D, of_M = ((part + part.T) for part in moments)
             strain = body.omega[:, None] ** 2 * V
             total -= strain @ ((1 + 1j * body.loss) * of_K).real + np.asarray(body.damped(V)).real @ (1j * of_D).real
@@ -231,6 +256,11 @@ class SceneResponses:
             adjoint = {name: left @ observers for name, (left, _) in flexible.items()}
             found.append((primal, adjoint))
         return found
+
+
+def _summed(X: Complex, Y: Complex) -> Complex:
+    """Sum of X Y^T over all frequencies (a, b), for (f, a, i) and (f, b, i)."""
+    return np.asarray(np.tensordot(X, Y, axes=((0, 2), (0, 2))))
 
 
 def _all_modes(body: BodyModes, sample: ResponseSample, name: str) -> tuple[Complex, Complex]:

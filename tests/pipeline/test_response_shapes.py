@@ -59,6 +59,14 @@ def test_the_responses_are_those_of_the_assembled_reduced_bodies(given: Run) -> 
     assert decibel == pytest.approx(result.errors["reduced"].db_error, rel=1e-6)
     # The grids differ.
     assert frf == pytest.approx(result.errors["reduced"].frf_error, rel=0.05)
+    # Between the angles of the scene, without modes of the system.
+    some = ArticulationRange(given.scene).random(3, 2)
+    for result, screened in zip(
+        given.comparison.at(some, {"reduced": given.model}), given.comparison.screened(some, given.model), strict=True
+    ):
+        errors = result.errors["reduced"]
+        assert screened[0] == pytest.approx(errors.frf_error, rel=0.05)
+        assert screened[1] == pytest.approx(errors.db_error, rel=1e-6)
 
 
 def test_bodies_keep_their_rigid_motion_and_are_orthonormal_passive_mode_sets(given: Run) -> None:
@@ -157,6 +165,7 @@ def test_the_range_is_a_box_a_whole_turn_or_a_path() -> None:
     # Evenly: each quarter of the box has its share.
     assert 12 <= np.count_nonzero((every < [1, 1.5]).all(axis=1)) <= 20
     around = ArticulationRange(scene({turn: 0.0}, {turn: 3.5}))
+    assert around.apart(Configuration("", {turn: 0.1}), Configuration("", {turn: 2 * np.pi - 0.1})) < 0.04
     assert around.turning.all() and around.high[0] == pytest.approx(2 * np.pi)
     path = ArticulationRange(scene({slide: 0.0, turn: 0.0}, {slide: 1.0, turn: 0.5}, {slide: 1.0, turn: 2.5}))
     assert not path.is_box

@@ -196,7 +196,7 @@ class Comparison:
         resonance. Modes of the system are not needed, and nothing is held of a configuration but its wiring.
         """
         omega, every = self._screen
-        own, found = model.assembled.tables(omega), []
+        own, found = model.assembled.tables(omega) if configurations else {}, []
         for start in range(0, len(configurations), _TOGETHER):
             some = configurations[start : start + _TOGETHER]
             full = self.reference.responses(some, [omega] * len(some), self._screen_tables)
