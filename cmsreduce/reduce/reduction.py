@@ -18,6 +18,7 @@ from cmsreduce.linalg.machine import current_settings
 from cmsreduce.model import FEModel, ModeBlock, ModeSet, ReducedComponent, parameter_label, rigid_body_shapes
 from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.corners import rigid_at, with_corners
+from cmsreduce.reduce.damped_shapes import with_damped_modes
 
 __all__ = ["Examined", "Reduction", "kept_rigid", "project"]
 
@@ -67,12 +68,14 @@ class Reduction(ABC):
     ----------
     cutoff_hz : float
         Normal modes are kept up to this frequency, all of them.
+    damped : bool
+        Also span the damped modes of a body with a damping matrix, up to 0.8 of this frequency.
     """
 
     method: ClassVar[str]
 
-    def __init__(self, cutoff_hz: float) -> None:
-        self.cutoff_hz = cutoff_hz
+    def __init__(self, cutoff_hz: float, *, damped: bool = False) -> None:
+        self.cutoff_hz, self.damped = cutoff_hz, damped
 
     @abstractmethod
     def basis(self, body: FEModel, interface: Rows, rigid: Array, loads: Array) -> Basis:
@@ -125,7 +128,7 @@ class Reduction(ABC):
         """
         with current_settings().reused_pages(body.n):
             rigid = _rigid_modes(body) if rigid is None else rigid
-            basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+            basis = self._basis(body, interface, loads, rigid)
             self._refuse_empty(body, basis.modes)
             modes = basis.enriched() if enriched else basis.modes
             # The factor that the basis holds is large.
@@ -162,7 +165,7 @@ class Reduction(ABC):
         """
         with current_settings().reused_pages(body.n):
             rigid = _rigid_modes(body) if rigid is None else rigid
-            basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+            basis = self._basis(body, interface, loads, rigid)
             self._refuse_empty(body, basis.modes)
             missed = basis.missed(_loads(body, tested))
             modes, more = basis.modes, basis.enriched() if enrich else None
@@ -175,6 +178,10 @@ class Reduction(ABC):
                 richer = project(body, with_corners(body, more, corners, self.cutoff_hz), rigid)
             return Examined(project(body, modes, rigid), missed, richer)
 
+    def _basis(self, body: FEModel, interface: ArrayLike | None, loads: Array | None, rigid: Array) -> Basis:
+        found = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+        return with_damped_modes(found, body, rigid, self.cutoff_hz) if self.damped else found
+
     def _at_corners(
         self, body: FEModel, interface: ArrayLike | None, loads: Array | None, rigid: Array, *, enriched: bool = False
     ) -> list[tuple[str, ModeSet]]:
@@ -186,7 +193,7 @@ class Reduction(ABC):
                 continue
             try:
                 own = rigid_at(body, values, rigid)
-                basis = self.basis(there, _i_set(body, interface), own, _loads(body, loads))
+                basis = self._basis(there, interface, loads, own)
                 found.append((label, basis.enriched() if enriched else basis.modes))
             except MatrixError as error:
                 raise MatrixError(f"with {label}: {error}") from None
