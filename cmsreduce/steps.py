@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.assemble import body_points, body_ports, modal_substructure, rigid_substructure, state_space
 from cmsreduce.balance import Ranking
-from cmsreduce.config import Pipeline, build_scene, parse_ratio, pipeline_from_keys
+from cmsreduce.config import CLOSED_LOOP, SYSTEM_COST, Pipeline, build_scene, parse_ratio, pipeline_from_keys
 from cmsreduce.errors import ConfigError, DampingError, DofMapError, SceneError, UnitsError, not_among, optional_library
 from cmsreduce.model import SI, Configuration, Damping, FEModel, ModalComponent, ReducedComponent, Units
 from cmsreduce.orthogonalise import orthogonalise as orthonormal_modes
@@ -332,8 +332,11 @@ def balance(
     pipeline = _pipeline("balance", {component.name: component}, scene, {"balance": wanted})
     chosen, found = pipeline.balance_of(component.name), build_scene(pipeline)
     assert chosen is not None
-    if chosen.rank == "system-cost" or chosen.keep.rule == "frf_error":
-        raise ConfigError("balance: system-cost and frf_error measure the joined system; use a pipeline file for them")
+    if chosen.rank in (SYSTEM_COST, CLOSED_LOOP) or chosen.keep.rule == "frf_error":
+        raise ConfigError(
+            f"balance: {SYSTEM_COST}, {CLOSED_LOOP} and frf_error measure the joined system; use a pipeline file for "
+            "them"
+        )
     ports = body_ports(component.body, found)
     component = ranked(component, ports, chosen, found)
     channels = ranking_channels(component, ports, chosen, found)

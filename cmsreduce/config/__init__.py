@@ -9,8 +9,10 @@ from cmsreduce.config.keys import (
     BASIC,
     CENTRE,
     CHECK_OF,
+    CLOSED_LOOP,
     EXTSEOUT_NAMES,
     RELATIVE_ERRORS,
+    SYSTEM_COST,
     CompareKeys,
     Component,
     GeometricStiffnessKeys,
@@ -40,6 +42,8 @@ from cmsreduce.config.starter import BodyDraft, body_pipeline, scene_pipeline, s
 
 __all__ = [
     "CHECK_OF",
+    "CLOSED_LOOP",
+    "SYSTEM_COST",
     "EXTSEOUT_NAMES",
     "BASIC",
     "BodyDraft",

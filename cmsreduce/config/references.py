@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cmsreduce.config.keys import (
+    CLOSED_LOOP,
     FLEXIBLE_ONLY,
     MOMENTUM,
     ActuatorKeys,
@@ -83,6 +84,8 @@ def broken_references(pipeline: Pipeline) -> Iterator[BrokenReference]:
         if at[0] != "components":
             yield from _keep(pipeline, (*at, "keep"), ranking.keep)
         yield from _sizes(pipeline, (*at, "scaling"), ranking.scaling)
+        if ranking.rank == CLOSED_LOOP:
+            yield from _controlled(pipeline, (*at, "rank"))
 
 
 def _stiffening(pipeline: Pipeline) -> Iterator[BrokenReference]:
@@ -352,6 +355,17 @@ def _keep(pipeline: Pipeline, keys: tuple[str | int, ...], keep: KeepKeys) -> It
     if keep.rule == "limits" and not stated and pipeline.scene.controller is None:
         yield BrokenReference(
             keys, "`limits` keeps the smallest model that meets verify.limits: state one there, e.g. {frf_error: 0.05}"
+        )
+
+
+def _controlled(pipeline: Pipeline, keys: tuple[str | int, ...]) -> Iterator[BrokenReference]:
+    if pipeline.scene.controller is None:
+        yield BrokenReference(
+            keys, f"{CLOSED_LOOP} weighs modes by the loop of a controller: name one in scene.controller"
+        )
+    elif pipeline.balance is not None and pipeline.balance.sensitivity:
+        yield BrokenReference(
+            keys, f"{CLOSED_LOOP} has no figure without a sensor of its controller: take balance.sensitivity out"
         )
 
 

@@ -13,7 +13,7 @@ from cmsreduce.errors import MatrixError
 
 __all__ = ["ModeBlock", "ModeCertificate", "ModeKind", "ModeSet"]
 
-ModeKind = Literal["rigid", "constraint", "fixed", "free", "residual", "loaded", "response", "system"]
+ModeKind = Literal["rigid", "constraint", "fixed", "free", "residual", "loaded", "response", "damped", "system"]
 """Kind of a shape, by the problem that it solves."""
 
 

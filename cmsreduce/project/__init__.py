@@ -1,9 +1,10 @@
 """Projection and assembly: system modes projected on the bodies that will reproduce them.
 
-Projection, extraneous modes, shapes made for the scene's responses and the cost of a coordinate in the system belong
+Projection, extraneous modes, shapes made for the scene's responses and the share of a coordinate in the system belong
 here. The joined system itself belongs in `assemble`.
 """
 
+from cmsreduce.project.closed_loop_shares import closed_loop_shares
 from cmsreduce.project.extraneous import extraneous_count, extraneous_modes, returned
 from cmsreduce.project.projection import Projection, keep_combinations, project_shapes
 from cmsreduce.project.response_certificate import (
@@ -15,7 +16,7 @@ from cmsreduce.project.response_certificate import (
 from cmsreduce.project.scene_responses import BodyModes, ResponseSample, SceneResponses, Shapes
 from cmsreduce.project.scene_shapes import ResponseLimits, SceneFit, energy_shapes, fit_shapes, objective
 from cmsreduce.project.shape_search import Judged, Settled, ShapeSearch
-from cmsreduce.project.system_cost import SystemCost, cost_shares, system_cost
+from cmsreduce.project.system_cost import Shares, SystemCost, largest_shares, system_cost
 
 __all__ = [
     "ESTIMATE_FACTOR",
@@ -30,13 +31,15 @@ __all__ = [
     "Settled",
     "ShapeSearch",
     "Shapes",
+    "Shares",
     "SystemCost",
-    "cost_shares",
+    "closed_loop_shares",
     "energy_shapes",
     "extraneous_count",
     "extraneous_modes",
     "fit_shapes",
     "keep_combinations",
+    "largest_shares",
     "objective",
     "project_shapes",
     "response_certificates",

@@ -15,7 +15,7 @@ from cmsreduce.linalg.eigen import elastic_and_massless
 from cmsreduce.linalg.gramian import check_damped, controllability, state_space
 from cmsreduce.model import ModalChannels, Substructure, System
 
-__all__ = ["SystemCost", "cost_shares", "system_cost"]
+__all__ = ["Shares", "SystemCost", "coordinate_shares", "largest_shares", "system_cost"]
 
 Array = NDArray[np.float64]
 
@@ -27,26 +27,35 @@ _DAMPED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class SystemCost:
-    """Mean square of a system's outputs under white noise, without free rigid motions, and its parts.
+class Shares:
+    """A measure of a system, and its parts.
 
     Parameters
     ----------
     total : float
-        V = tr(C X C^T) of the stable part.
-    modes : (e,) float64
-        Share of each elastic mode of the system; with ``damped_rigid`` they sum to V.
-    damped_rigid : (b,) float64
-        Share of each rigid motion that dampers resist, by its rate.
+        The measure.
     coordinates : mapping of body to (m_i,) float64
-        Share of each coordinate of each body; they sum to V. A share is negative where the motion of a coordinate
-        reduces the outputs.
+        Share of each coordinate of each body. A share is negative where the motion of a coordinate reduces the measure.
     """
 
     total: float
+    coordinates: Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class SystemCost(Shares):
+    """Mean square V = tr(C X C^T) of a system's outputs under white noise, without free rigid motions.
+
+    Parameters
+    ----------
+    modes : (e,) float64
+        Share of each elastic mode of the system; with ``damped_rigid`` they sum to V, as those of the coordinates do.
+    damped_rigid : (b,) float64
+        Share of each rigid motion that dampers resist, by its rate.
+    """
+
     modes: Array
     damped_rigid: Array
-    coordinates: Mapping[str, Array]
 
 
 def system_cost(
@@ -104,23 +113,23 @@ def system_cost(
     of_pairs[:e, :e] += XQ[:e, :e] * (w / w[:, None])
     return SystemCost(
         float(shares.sum()),
+        coordinate_shares(system, substructures, np.hstack([Phi, damped_rigid]), of_pairs),
         np.asarray(shares[:e] + shares[e : 2 * e]),
         np.asarray(shares[2 * e :]),
-        _by_coordinate(system, substructures, np.hstack([Phi, damped_rigid]), of_pairs),
     )
 
 
-def cost_shares(costs: Sequence[SystemCost], body: str, groups: Sequence[NDArray[np.int64]]) -> Array:
-    """Share of groups of a body's coordinates in the cost of the system (g,), the largest in any configuration.
+def largest_shares(costs: Sequence[Shares], body: str, groups: Sequence[NDArray[np.int64]]) -> Array:
+    """Share of groups of a body's coordinates in the measure of the system (g,), the largest in any configuration.
 
     Parameters
     ----------
-    costs : sequence of SystemCost
+    costs : sequence of Shares
         One for each configuration.
     body : str
         Name of the body.
     groups : sequence of (k,) int64
-        Coordinates that count together, such as the modes of a repeated frequency: |sum of their shares| / V.
+        Coordinates that count together, such as the modes of a repeated frequency: |sum of their shares| / total.
     """
     found = np.zeros(len(groups))
     for cost in costs:
@@ -163,11 +172,23 @@ def _noise_covariance(channels: ModalChannels, modal: Array, damped_B: Array) ->
     return np.asarray(la.solve_continuous_lyapunov(A, -B @ B.T))
 
 
-def _by_coordinate(
-    system: System, substructures: Mapping[str, Substructure], Phi: Array, shares: Array
+def coordinate_shares(
+    system: System, substructures: Mapping[str, Substructure], motions: Array, shares: Array
 ) -> dict[str, Array]:
-    """Divide costs of pairs of motions (k, k) among the coordinates of the bodies."""
-    shapes = np.split(dense(system.T @ Phi), np.cumsum(list(system.sizes.values()))[:-1])
+    """Divide a measure among the coordinates of the bodies.
+
+    Parameters
+    ----------
+    system : System
+        n coordinates.
+    substructures : mapping of name to Substructure
+        Its bodies, in its order.
+    motions : (n, k) float64
+        Motions, orthonormal in the mass, without which the measure is zero.
+    shares : (k, k) float64
+        Parts of the measure due to pairs of motions; it is their trace.
+    """
+    shapes = np.split(dense(system.T @ motions), np.cumsum(list(system.sizes.values()))[:-1])
     return {
         name: np.asarray(((own @ shares) * (substructures[name].M @ own)).sum(axis=1))
         for name, own in zip(system.sizes, shapes, strict=True)

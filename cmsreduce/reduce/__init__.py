@@ -43,6 +43,8 @@ def reduction(
     cutoff_hz: float,
     interface_reduction: InterfaceReduction | None = None,
     loading: InterfaceLoading | None = None,
+    *,
+    damped: bool = False,
 ) -> Reduction:
     """Make the mode set of a name.
 
@@ -56,17 +58,21 @@ def reduction(
         For the sets that have constraint modes.
     loading : InterfaceLoading, optional
         For the sets whose modes are loaded by the neighbours.
+    damped : bool
+        Also span the damped modes, for craig-bampton and macneal-rubin.
 
     Raises
     ------
     ConfigError
-        If there is none of that name, or it has no constraint modes to reduce.
+        If there is none of that name, it has no constraint modes to reduce, or it has no damped modes.
     """
     if method not in METHODS:
         raise ConfigError(f"reduce: method '{method}' is not available (there are: {', '.join(METHODS)})")
     kind = METHODS[method]
+    if damped and kind not in (CraigBampton, MacNealRubin):
+        raise ConfigError(f"reduce: {method} has no damped modes; use craig-bampton or macneal-rubin")
     if issubclass(kind, CraigBampton):
-        return kind(cutoff_hz, interface_reduction=interface_reduction)
+        return kind(cutoff_hz, interface_reduction=interface_reduction, damped=damped)
     if interface_reduction is not None:
         raise ConfigError(f"reduce: {method} has no constraint modes, so `interface_cutoff` does not apply to it")
-    return kind(cutoff_hz, loading) if issubclass(kind, BenfieldHruda) else kind(cutoff_hz)
+    return kind(cutoff_hz, loading) if issubclass(kind, BenfieldHruda) else kind(cutoff_hz, damped=damped)

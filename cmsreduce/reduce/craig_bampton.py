@@ -37,6 +37,8 @@ class CraigBampton(Reduction):
         Characteristic constraint modes up to this frequency replace the constraint modes: for interfaces of many dofs.
     interface_reduction : InterfaceReduction, optional
         The same for a part of the interface, or with given shapes.
+    damped : bool
+        Also span the damped fixed-interface modes; see `Reduction`.
 
     Notes
     -----
@@ -52,8 +54,10 @@ class CraigBampton(Reduction):
         cutoff_hz: float,
         interface_cutoff_hz: float | None = None,
         interface_reduction: InterfaceReduction | None = None,
+        *,
+        damped: bool = False,
     ) -> None:
-        super().__init__(cutoff_hz)
+        super().__init__(cutoff_hz, damped=damped)
         if interface_reduction is None and interface_cutoff_hz is not None:
             interface_reduction = InterfaceReduction(interface_cutoff_hz)
         self.interface_reduction = interface_reduction

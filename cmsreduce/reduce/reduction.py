@@ -27,6 +27,7 @@ from cmsreduce.model import (
 )
 from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.corners import rigid_at, with_corners
+from cmsreduce.reduce.damped_shapes import with_damped_modes
 from cmsreduce.reduce.held_count import held_count
 
 __all__ = ["Examined", "Reduction", "kept_rigid", "project"]
@@ -77,12 +78,14 @@ class Reduction(ABC):
     ----------
     cutoff_hz : float
         Normal modes are kept up to this frequency, all of them.
+    damped : bool
+        Also span the damped modes of a body with a damping matrix, up to 0.8 of this frequency.
     """
 
     method: ClassVar[str]
 
-    def __init__(self, cutoff_hz: float) -> None:
-        self.cutoff_hz = cutoff_hz
+    def __init__(self, cutoff_hz: float, *, damped: bool = False) -> None:
+        self.cutoff_hz, self.damped = cutoff_hz, damped
         self._free: ModalComponent | None = None
 
     def counted_by(self, free: ModalComponent) -> Self:
@@ -145,7 +148,7 @@ class Reduction(ABC):
             If a rigid-body mode lies outside the span of the mode set, or the set holds no shape at all.
         """
         rigid = _rigid_modes(body) if rigid is None else rigid
-        basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+        basis = self._basis(body, interface, loads, rigid)
         self._refuse_empty(body, basis.modes)
         modes = basis.enriched() if enriched else basis.modes
         # The factor that the basis holds is large.
@@ -181,7 +184,7 @@ class Reduction(ABC):
             As in `reduce`.
         """
         rigid = _rigid_modes(body) if rigid is None else rigid
-        basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+        basis = self._basis(body, interface, loads, rigid)
         self._refuse_empty(body, basis.modes)
         missed = basis.missed(_loads(body, tested))
         modes, more = basis.modes, basis.enriched() if enrich else None
@@ -194,6 +197,10 @@ class Reduction(ABC):
             richer = project(body, with_corners(body, more, corners, self.cutoff_hz), rigid)
         return Examined(project(body, modes, rigid), missed, richer)
 
+    def _basis(self, body: FEModel, interface: ArrayLike | None, loads: Array | None, rigid: Array) -> Basis:
+        found = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+        return with_damped_modes(found, body, rigid, self.cutoff_hz) if self.damped else found
+
     def _at_corners(
         self, body: FEModel, interface: ArrayLike | None, loads: Array | None, rigid: Array, *, enriched: bool = False
     ) -> list[tuple[str, ModeSet]]:
@@ -205,7 +212,7 @@ class Reduction(ABC):
                 continue
             try:
                 own = rigid_at(body, values, rigid)
-                basis = self.basis(there, _i_set(body, interface), own, _loads(body, loads))
+                basis = self._basis(there, interface, loads, own)
                 found.append((label, basis.enriched() if enriched else basis.modes))
             except MatrixError as error:
                 raise MatrixError(f"with {label}: {error}") from None

@@ -218,7 +218,7 @@ def test_python_runs(page: str, request: pytest.FixtureRequest) -> None:
     ("mapping", "key", "names"),
     [
         ("ReduceKeys", "method", {*METHODS}),
-        ("BalanceKeys", "rank", {*RANKINGS, "system-cost"}),
+        ("BalanceKeys", "rank", {*RANKINGS, "system-cost", "closed-loop"}),
         ("WriteKeys", "formats", {*TARGETS, "hdf5"}),
         ("WriteKeys", "targets", {*PROFILES}),
     ],

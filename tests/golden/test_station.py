@@ -11,7 +11,7 @@ from cmsreduce.balance import keep_total, whole_groups
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import MODEL, Run, Silent, execute
 from cmsreduce.pipeline.system import AssembledModel, ReducedModel
-from cmsreduce.project import cost_shares, system_cost
+from cmsreduce.project import largest_shares, system_cost
 from cmsreduce.verify import articulation_inertia, articulation_sensors, free_index, hinges_locked, locked_index
 from tests.samples import assert_made_again
 
@@ -62,7 +62,7 @@ def by_cost(costs, components):
     found = {}
     for name, component in components.items():
         groups, sigma = whole_groups(component), np.full(component.omega.size, np.nan)
-        for columns, share in zip(groups, cost_shares(costs, name, groups), strict=True):
+        for columns, share in zip(groups, largest_shares(costs, name, groups), strict=True):
             sigma[columns] = share
         found[name] = replace(component, sigma=sigma)
     return found

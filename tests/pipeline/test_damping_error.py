@@ -199,3 +199,21 @@ def test_residuals_for_dampers_inside_a_body_hold_their_forces(shared_data: Path
     )
     run = Run(load_pipeline(path, ["reduce.residuals=[dampers]"]), tmp_path / "out", Silent())
     assert facts_of(run, path)["worst"]["damping_error"] < 1e-4
+
+
+@pytest.mark.shared
+def test_a_damped_basis_holds_what_dampers_inside_a_body_do(shared_data: Path, tmp_path: Path) -> None:
+    """The damped modes with the interface held are exact; those of the free chain follow as undamped ones do."""
+    path = tmp_path / "chain.yaml"
+    path.write_text(
+        CHAIN.format(output=tmp_path / "out", punch=shared_data / "chain15" / "dmig.pch", nodes=[105], cutoff=4)
+    )
+    worst = []
+    for method in ("craig-bampton", "macneal-rubin"):
+        for damped in ("false", "true"):
+            keys = [f"reduce.method={method}", f"reduce.damped={damped}"]
+            run = Run(load_pipeline(path, keys), tmp_path / "out", Silent())
+            worst.append(facts_of(run, path)["worst"]["damping_error"])
+            assert ("damped" in run.modal("chain").kind) == (damped == "true")
+    assert worst[0] > 0.1 and worst[2] > 0.1
+    assert worst[1] < 1e-3 and worst[3] < 1e-8

@@ -13,7 +13,7 @@ from cmsreduce.errors import DampingError, MatrixError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Configuration, Damping, ModalChannels, Scene
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.project import SystemCost, cost_shares, system_cost
+from cmsreduce.project import Shares, largest_shares, system_cost
 from cmsreduce.reduce import CraigBampton
 from tests.assemble.rigs import at, in_joint, joint, rigid_body
 from tests.frames import line
@@ -110,7 +110,7 @@ def test_the_costliest_modes_of_all_bodies_are_chosen():
     cost = system_cost(system, subs)
     found = {}
     for name, component in components.items():
-        sigma = cost_shares([cost], name, np.arange(component.omega.size)[:, None])
+        sigma = largest_shares([cost], name, np.arange(component.omega.size)[:, None])
         found[name] = replace(component, sigma=sigma)
     kept = keep_total(found, 5)
     assert sum(columns.size for columns in kept.values()) == 5
@@ -124,11 +124,11 @@ def test_the_costliest_modes_of_all_bodies_are_chosen():
 
 def test_a_group_of_coordinates_counts_by_the_sum_of_its_shares_at_the_worst_configuration():
     costs = [
-        SystemCost(2.0, np.ones(1), np.zeros(0), {"a": np.array([1.5, -0.5, 1.0])}),
-        SystemCost(0.0, np.ones(1), np.zeros(0), {"a": np.ones(3)}),
+        Shares(2.0, {"a": np.array([1.5, -0.5, 1.0])}),
+        Shares(0.0, {"a": np.ones(3)}),
     ]
-    costs.append(SystemCost(10.0, np.ones(1), np.zeros(0), {"a": np.array([0.0, 4.0, 6.0])}))
-    np.testing.assert_allclose(cost_shares(costs, "a", [np.array([0, 1]), np.array([2])]), [0.5, 0.6])
+    costs.append(Shares(10.0, {"a": np.array([0.0, 4.0, 6.0])}))
+    np.testing.assert_allclose(largest_shares(costs, "a", [np.array([0, 1]), np.array([2])]), [0.5, 0.6])
 
 
 def dragged(law: str, drag: tuple[float, ...]):

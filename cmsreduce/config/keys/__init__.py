@@ -4,7 +4,7 @@ Key names, units, defaults and checks of single values belong here.
 References between parts of the file are checked in `config.references`.
 """
 
-from cmsreduce.config.keys.balance import KeepKeys, RankingKeys, ScalingKeys
+from cmsreduce.config.keys.balance import CLOSED_LOOP, SYSTEM_COST, KeepKeys, RankingKeys, ScalingKeys
 from cmsreduce.config.keys.channels import ActuatorKeys, SensorKeys, Size, channel_kind, parse_row
 from cmsreduce.config.keys.component import EXTSEOUT_NAMES, FLEXIBLE_ONLY, Component
 from cmsreduce.config.keys.files import MatrixFile
@@ -24,6 +24,8 @@ from cmsreduce.config.keys.write import BASIC, CENTRE, WriteKeys
 
 __all__ = [
     "CHECK_OF",
+    "CLOSED_LOOP",
+    "SYSTEM_COST",
     "RELATIVE_ERRORS",
     "CompareKeys",
     "LimitKeys",

@@ -40,19 +40,23 @@ from cmsreduce.config.keys.scene import Band
 __all__ = [
     "Arm",
     "BalanceKeys",
+    "CLOSED_LOOP",
     "ClusterKeys",
     "ClusterLimit",
     "KeepKeys",
     "RankingKeys",
+    "SYSTEM_COST",
     "ScalingKeys",
     "WeightingKeys",
 ]
 
 
 Rank = Annotated[
-    Literal["gregory", "hankel", "component-cost", "modal-gain", "frequency", "system-cost"],
+    Literal["gregory", "hankel", "component-cost", "modal-gain", "frequency", "system-cost", "closed-loop"],
     refused({"peak-amplitude": "is no longer a ranking: write gregory, which gives the same order"}),
 ]
+SYSTEM_COST, CLOSED_LOOP = "system-cost", "closed-loop"
+"""Rankings of the assembled system, whose coefficients compare modes of different bodies."""
 KeepRule = Literal["all", "modes", "total", "fraction", "frf_error", "bound", "limits", "numbers"]
 _KEEP_RULES: tuple[KeepRule, ...] = ("modes", "total", "fraction", "bound", "frf_error", "limits", "numbers")
 # Modes that one range names: a slip of the finger must not fill the memory.
@@ -276,8 +280,8 @@ class KeepKeys(Keys):
     )
     total: Count | None = Field(
         default=None,
-        description="Number of elastic modes of all bodies together; for rank system-cost, whose coefficients compare "
-        "modes of different bodies.",
+        description="Number of elastic modes of all bodies together; for ranks system-cost and closed-loop, whose "
+        "coefficients compare modes of different bodies.",
         examples=[34],
     )
     fraction: Positive | None = Field(
@@ -369,7 +373,8 @@ class RankingKeys(Keys):
         description="Order of the modes. gregory: modal influence coefficient; hankel: exact Hankel norm of the error "
         "without the mode, clusters as a whole; component-cost: share in the mean square response to white noise; "
         "modal-gain: INCA's criterion; frequency: lowest first; system-cost: share in the mean square response of "
-        "the assembled system to white noise at its actuators, at the worst configuration.",
+        "the assembled system to white noise at its actuators, at the worst configuration; closed-loop: share in the "
+        "squares of Hankel values weighed by the loop of scene.controller, at the worst configuration.",
         examples=["gregory"],
     )
     keep: KeepKeys = Field(
@@ -378,7 +383,7 @@ class RankingKeys(Keys):
     weighting: WeightingKeys | None = Field(
         default=None,
         description="Weight of frequencies: `band` for those of the scene, or a filter. By default all count alike; "
-        "rankings by frequency and by system-cost ignore it.",
+        "rankings by frequency, system-cost and closed-loop ignore it.",
         examples=["band"],
     )
     scaling: ScalingKeys = Field(
@@ -396,7 +401,7 @@ class RankingKeys(Keys):
 
     @model_validator(mode="after")
     def _compares_bodies(self) -> RankingKeys:
-        if self.keep.rule == "total" and self.rank != "system-cost":
+        if self.keep.rule == "total" and self.rank not in (SYSTEM_COST, CLOSED_LOOP):
             raise ValueError(
                 f"keep.total compares modes of different bodies, but their coefficients of rank {self.rank} have "
                 "different units: take rank system-cost, or state `modes` for each body"

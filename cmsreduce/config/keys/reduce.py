@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
 
-from cmsreduce.config.keys.mapping import Keys, Positive
+from cmsreduce.config.keys.mapping import Flag, Keys, Positive
 from cmsreduce.model import DOF_NAMES
 
 __all__ = ["NO_PARTS", "ModeSetKeys", "ReduceKeys"]
@@ -21,6 +21,7 @@ NO_PARTS = {
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
 _NO_NORMAL_MODES = ("guyan", "scene")
+_DAMPED_MODES = ("craig-bampton", "macneal-rubin")
 
 
 def _check_residual(value: object) -> str:
@@ -82,12 +83,23 @@ class ModeSetKeys(Keys):
         examples=[5.0],
     )
 
+    damped: Flag = Field(
+        default=False,
+        description="Also span the damped modes of a body with a damping matrix, up to 0.8 of the cutoff: the "
+        "shapes that their real and imaginary parts have beyond the normal modes. For craig-bampton and macneal-rubin.",
+        examples=[True],
+    )
+
     @model_validator(mode="after")
     def _has_constraint_modes(self) -> ModeSetKeys:
         if self.interface_cutoff_bands is not None and self.method not in _CONSTRAINT_MODES:
             raise ValueError(
                 f"{self.method} has no constraint modes, so interface_cutoff does not apply to it: take it out, or "
                 f"use {' or '.join(_CONSTRAINT_MODES)}"
+            )
+        if self.damped and self.method not in _DAMPED_MODES:
+            raise ValueError(
+                f"{self.method} has no damped modes: take `damped` out, or use {' or '.join(_DAMPED_MODES)}"
             )
         if self.cutoff_bands == "auto" and self.method in _NO_NORMAL_MODES:
             raise ValueError(

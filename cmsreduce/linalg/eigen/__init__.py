@@ -4,7 +4,8 @@ Lanczos, slicing, Sturm counts and error bounds belong here.
 The meaning of a mode for a body belongs in `reduce` or `verify`.
 """
 
-from cmsreduce.linalg.eigen.complex_modes import ComplexModes, DampedPencil, complex_modes
+from cmsreduce.linalg.eigen.complex_modes import ComplexModes, complex_modes
+from cmsreduce.linalg.eigen.damped_pencil import DampedPencil
 from cmsreduce.linalg.eigen.eigenpairs import beside_modes, certified_modes, count_below, modes_below
 from cmsreduce.linalg.eigen.highest import HighestFrequency, highest_frequency
 from cmsreduce.linalg.eigen.null_space import (

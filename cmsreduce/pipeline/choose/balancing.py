@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache, partial
 
 from cmsreduce.balance import Selection
-from cmsreduce.config import ModeSetKeys, Pipeline, RankingKeys
+from cmsreduce.config import CLOSED_LOOP, SYSTEM_COST, ModeSetKeys, Pipeline, RankingKeys, ScalingKeys
 from cmsreduce.errors import ConfigError, DampingError, MatrixError
 from cmsreduce.model import ModalChannels, ModalComponent, Scene, SensitivityRecord
 from cmsreduce.pipeline.bodies import FlexibleBody
@@ -22,7 +22,7 @@ from cmsreduce.pipeline.choose.sensitivity import (
     changed_model,
     sensitivity,
 )
-from cmsreduce.pipeline.choose.system_ranking import SYSTEM_COST, with_system_cost
+from cmsreduce.pipeline.choose.system_ranking import with_closed_loop, with_system_cost
 from cmsreduce.pipeline.store import once
 from cmsreduce.pipeline.system import ModelMeasure, ReducedModel, selection_cost, system_errors
 
@@ -180,22 +180,36 @@ class Balancing:
 
     def _in_the_system(self, found: Components, keys: Mapping[str, RankingKeys | None]) -> dict[str, ModalComponent]:
         """Add coefficients of the assembled system where the ranking or a search needs them."""
-        asked = {name: found[name] for name, own in keys.items() if own is not None and own.rank == SYSTEM_COST}
-        if asked:
-            scaling = next(own.scaling for own in keys.values() if own is not None and own.rank == SYSTEM_COST)
-            costed = with_system_cost(asked, self._model(found).assembled, scaling)
-            ranked_now = {name: replace(c, sigma=c.rankings[SYSTEM_COST]) for name, c in costed.items()}
-            return {**found, **ranked_now}
-        searched = {name: found[name] for name, own in keys.items() if own is not None and own.keep.rule in _OF_SYSTEM}
+        result = dict(found)
+        for rank in (SYSTEM_COST, CLOSED_LOOP):
+            asked = {name: own for name, own in keys.items() if own is not None and own.rank == rank}
+            if asked:
+                scaling = next(iter(asked.values())).scaling
+                costed = self._with_ranking(rank, {name: result[name] for name in asked}, found, scaling)
+                result |= {name: replace(each, sigma=each.rankings[rank]) for name, each in costed.items()}
+        searched = {name: own for name, own in keys.items() if own is not None and own.keep.rule in _OF_SYSTEM}
         few = sum(component.elastic_count for component in found.values()) <= _MOST_COSTED
         if not (searched and few and self.scene.actuators and self.scene.sensors):
-            return dict(found)
-        try:
-            scaling = next(own.scaling for own in keys.values() if own is not None and own.keep.rule in _OF_SYSTEM)
-            return {**found, **with_system_cost(searched, self._model(found).assembled, scaling)}
-        except (DampingError, MatrixError):
-            # A system with structural damping, undamped modes or dampers without springs has no such coefficients.
-            return dict(found)
+            return result
+        scaling = next(iter(searched.values())).scaling
+        for rank in (SYSTEM_COST,) if self._measure.controller is None else (SYSTEM_COST, CLOSED_LOOP):
+            more = {name: result[name] for name in searched if rank not in result[name].rankings}
+            try:
+                result |= self._with_ranking(rank, more, found, scaling) if more else {}
+            except (DampingError, MatrixError):
+                # A system with structural damping, undamped modes or dampers without springs has no such coefficients.
+                continue
+        return result
+
+    def _with_ranking(
+        self, rank: str, components: Components, every: Components, scaling: ScalingKeys
+    ) -> dict[str, ModalComponent]:
+        model = self._model(every).assembled
+        if rank == CLOSED_LOOP:
+            # The pipeline was refused if a case has no controller.
+            assert self._measure.controller is not None
+            return with_closed_loop(components, model, self._measure.controller, scaling)
+        return with_system_cost(components, model, scaling)
 
     def _select(self, found: Components, keys: RankingKeys | None, fixed: Selection) -> Choice:
         keys = keys or RankingKeys()

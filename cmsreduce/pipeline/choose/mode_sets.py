@@ -185,7 +185,7 @@ class ModeSets:
             return stage_key("reduce", __version__, fingerprint, "rigid")
         keys = self.keys(name, other)
         loading = self._loading_key(other) if self._loaded(name, other) else None
-        asked = (keys.method, self.cutoff_hz(name, other), keys.interface_cutoff_bands, loading)
+        asked = (keys.method, self.cutoff_hz(name, other), keys.interface_cutoff_bands, keys.damped, loading)
         return stage_key("reduce", __version__, fingerprint, asked)
 
     def modal_key(self, name: str, other: ModeSetKeys | None = None) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from cmsreduce import __version__
-from cmsreduce.config import Pipeline, RankingKeys
+from cmsreduce.config import CLOSED_LOOP, Pipeline, RankingKeys
 from cmsreduce.model import Controller
 from cmsreduce.pipeline.bodies import ALL_MODES_LIMIT, FlexibleBody
 from cmsreduce.pipeline.store import stage_key
@@ -116,9 +116,11 @@ def system_key(
         settings["balance"].pop("sensitivity")
     by_limits = any(ranking.keep.rule == "limits" for ranking in _rankings(pipeline))
     by_limits |= stage != "balance" and pipeline.project is not None and pipeline.project.responses is not None
+    loop = None if controller is None else [A.tolist() for A in vars(controller).values()]
     if keys is not None and by_limits:
-        loop = None if controller is None else [A.tolist() for A in vars(controller).values()]
         asked.append([keys.limits.model_dump(exclude_none=True), keys.between, loop])
+    elif any(ranking.rank == CLOSED_LOOP or ranking.keep.rule == "frf_error" for ranking in _rankings(pipeline)):
+        asked.append(loop)
     if stage == "balance":
         settings.pop("project")
     elif pipeline.project is not None:
@@ -128,8 +130,9 @@ def system_key(
 
 
 def _rankings(pipeline: Pipeline) -> Iterator[RankingKeys]:
-    """Rankings of the run's own model, and of those that it is compared with."""
+    """Rankings of the run's own model, of single bodies, and of models that it is compared with."""
     if pipeline.balance is not None:
         yield pipeline.balance
+    yield from (component.balance for component in pipeline.components.values() if component.balance is not None)
     if pipeline.verify is not None:
         yield from pipeline.verify.compare.values()

@@ -7,6 +7,7 @@ The choice of modes belongs in `pipeline.choose`.
 from cmsreduce.pipeline.system.assembled import AssembledModel, highest_frequency
 from cmsreduce.pipeline.system.between import errors_between, midpoint_configurations
 from cmsreduce.pipeline.system.candidates import Candidates, system_errors
+from cmsreduce.pipeline.system.closed_loop import ClosedLoop, closed_loop
 from cmsreduce.pipeline.system.comparison import Comparison
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.system.controlled import controller_margins
@@ -20,6 +21,7 @@ from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, sy
 __all__ = [
     "AssembledModel",
     "Candidates",
+    "ClosedLoop",
     "Comparison",
     "MODEL",
     "ModelMeasure",
@@ -28,6 +30,7 @@ __all__ = [
     "Target",
     "axis_completeness",
     "channel_gains",
+    "closed_loop",
     "completeness_note",
     "controller_margins",
     "cross_orthogonality",

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Configuration, Controller, Matrix, Proof, Substructure
 from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.pipeline.system.closed_loop import closed_loop
 from cmsreduce.verify import negative_directions
 
 __all__ = ["SystemRoots", "stability_proof", "system_roots", "without_energy"]
@@ -27,12 +28,6 @@ _SEMIDEFINITE, _DIGITS = 1e-9, 10.0
 _STILL = 1e-9
 # Below this size all eigenvalues of a matrix are cheaper than a sparse factor.
 _DENSE_LIMIT = 600
-# All roots of a system of this many coordinates take half a minute.
-_LARGEST = 1000
-# Damping of a massless shape is none if its force is below this share of the spring's at the highest frequency.
-_NO_DAMPING = 1e-6
-# A product below this share of the size of its factors is rounding.
-_ROUND_OFF = 1e-12
 # Rounding of the dense algebra moves a root by a few roundings of the matrix times the root's condition.
 _ROUNDINGS = 10.0
 
@@ -139,58 +134,10 @@ def system_roots(
     Returns
     -------
     SystemRoots or None
-        None if the system is large or has no real state space: a complex stiffness, a rate that is measured where an
-        actuator moves a shape without mass, gyroscopic forces on such a shape, or an algebraic loop that is singular.
-
-    Notes
-    -----
-    With x the amplitudes of rigid motions and modes and n those of damped massless shapes, whose D is diag(d):
-
-        x'' + D_xx x' + W^2 x + D_xn n' = B_x u,        d n' + D_nx x' + n = B_n u,
-        y = C_x x + R_x x' + C_n n + R_n n' + F u
+        None if the system is large or has no real state space; see `closed_loop`.
     """
-    system = model.system(configuration)
-    if system.loss is not None or system.N > _LARGEST:
-        return None
-    w, Phi, static = model.every_mode(configuration)
-    X, D = np.hstack([system.rigid, Phi]), np.zeros((system.N, system.N)) if system.D is None else dense(system.D)
-    if system.gyroscopic and (abs(D @ static) > _ROUND_OFF * abs(D).max() * abs(static).max(axis=0)).any():
-        return None
-    drag, Y = la.eigh(static.T @ D @ static) if static.shape[1] else (np.empty(0), np.empty((0, 0)))
-    lags = drag * w.max(initial=1.0) > _NO_DAMPING
-    slow, quick, d = static @ Y[:, lags], static @ Y[:, ~lags], drag[lags]
-    rates, loads = system.C2 @ quick, quick.T @ system.B
-    size = np.linalg.norm(system.C2, axis=1)[:, None] * np.sum(quick**2) * np.linalg.norm(system.B, axis=0)
-    if controller is not None and (abs(rates @ loads) > _ROUND_OFF * size).any():
-        return None
-    if controller is None:
-        p, q = len(system.inputs), len(system.outputs)
-        controller = Controller(np.empty((0, 0)), np.empty((0, q)), np.empty((p, 0)), np.zeros((p, q)))
-    k, m, c = X.shape[1], slow.shape[1], controller.states
-    stiffness = np.concatenate([np.zeros(system.rigid.shape[1]), w**2])
-    D_xx, D_xn = X.T @ D @ X, X.T @ D @ slow
-    # n' over (x, x', n, controller) and over u.
-    n_z = np.hstack([np.zeros((m, k)), -D_xn.T, -np.eye(m), np.zeros((m, c))]) / d[:, None]
-    n_u = (slow.T @ system.B) / d[:, None]
-    v_z = np.hstack([-np.diag(stiffness), -D_xx, np.zeros((k, m + c))]) - D_xn @ n_z
-    v_u = X.T @ system.B - D_xn @ n_u
-    y_z = np.hstack([system.C1 @ X, system.C2 @ X, system.C1 @ slow, np.zeros((system.C1.shape[0], c))])
-    y_z, y_u = y_z + system.C2 @ slow @ n_z, (system.C1 @ quick) @ loads + system.C2 @ slow @ n_u
-    states = np.hstack([np.zeros((controller.C.shape[0], 2 * k + m)), controller.C])
-    loop = np.eye(states.shape[0]) + controller.D @ y_u
-    if loop.size and np.linalg.cond(loop) > 1 / _ROUND_OFF:
-        return None
-    u_z = -np.linalg.solve(loop, states + controller.D @ y_z)
-    own = np.hstack([np.zeros((c, 2 * k + m)), controller.A])
-    closed = np.vstack(
-        [
-            np.hstack([np.zeros((k, k)), np.eye(k), np.zeros((k, m + c))]),
-            v_z + v_u @ u_z,
-            n_z + n_u @ u_z,
-            own + controller.B @ (y_z + y_u @ u_z),
-        ]
-    )
-    return _roots(closed)
+    loop = closed_loop(model, configuration, controller)
+    return None if loop is None else _roots(loop.A)
 
 
 def _roots(A: Array) -> SystemRoots:

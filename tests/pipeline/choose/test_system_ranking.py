@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import scipy.linalg as la
 
 from cmsreduce.assemble import elastic_states
 from cmsreduce.errors import ConfigError, DampingError
+from cmsreduce.model import Configuration
 from cmsreduce.pipeline import Run
 from cmsreduce.pipeline.choose.system_ranking import with_system_cost
+from cmsreduce.pipeline.system import closed_loop
 from cmsreduce.project import system_cost
 
 BY_COST = "balance={rank: system-cost, keep: all}"
@@ -118,3 +121,54 @@ def test_a_hinge_with_drag_alone_is_ranked(opened: Callable[..., Run]) -> None:
         none, little, some = (run.ranked[name].sigma[6:] for run in by_drag)
         np.testing.assert_allclose(little, none, rtol=0, atol=1e-3 * none.max())
         assert np.isfinite(some).all() and abs(some - none).max() > 1e-2 * none.max()
+
+
+def controlled(opened: Callable[..., Run], study: Path, gain: float, *overrides: str) -> Run:
+    """The hub's rate in yaw drives the thruster over a lag of second order at 60 rad/s."""
+    lag = f"A\n0 1\n-3600 -84\nB\n0 0 0\n0 3600 0\nC\n0 0\n{gain} 0\n"
+    (study.parent / "k.txt").write_text(lag)
+    return opened(f"scene.controller={study.parent / 'k.txt'}", *overrides)
+
+
+def test_modes_are_ranked_by_the_loop_of_the_controller(opened: Callable[..., Run], study: Path) -> None:
+    """The weights are those of the loop around the responses; 20 of 24 modes hold it better than those by cost."""
+    full = controlled(opened, study, -2.0, "balance={rank: closed-loop, keep: all}")
+    model, k, s = full.joined(full.ranked).assembled, full.controller, 2j * np.pi * np.geomspace(0.3, 200, 300)
+    assert k is not None
+    K = k.C @ np.linalg.solve(s[:, None, None] * np.eye(2) - k.A, k.B[None])
+
+    def closed(run: Run, configuration: Configuration) -> np.ndarray:
+        (G,) = run.model.assembled.responses([configuration], [abs(s)])
+        return np.linalg.solve(np.eye(3) + G @ K, G @ K)[:, :2]
+
+    loop = closed_loop(model, full.scene.configurations[0], k)
+    assert loop is not None
+    T = loop.C @ np.linalg.solve(s[:, None, None] * np.eye(loop.A.shape[0]) - loop.A, loop.B[None])
+    np.testing.assert_allclose(-T[:, :2], closed(full, full.scene.configurations[0]), rtol=0, atol=1e-7 * abs(T).max())
+    errors = []
+    for rank in ("closed-loop", "system-cost"):
+        run = controlled(opened, study, -2.0, f"balance={{rank: {rank}, keep: {{total: 20}}}}")
+        assert sum(columns.size for columns in run.selection.values()) == 20
+        pairs = [(closed(full, each), closed(run, each)) for each in run.scene.configurations]
+        errors.append(max(np.linalg.norm(a - b) / np.linalg.norm(a) for a, b in pairs))
+    assert errors[0] < 0.8 * errors[1]
+
+
+def test_another_controller_ranks_anew(opened: Callable[..., Run], study: Path) -> None:
+    by_loop, keys, rank = "balance={rank: closed-loop, keep: {total: 20}}", [], []
+    for gain in (-0.2, -10.0):
+        run = controlled(opened, study, gain, by_loop)
+        keys.append(run._system_key("balance"))
+        rank.append(run.ranked["arm"].sigma[6:])
+    assert keys[0] != keys[1] and abs(rank[0] - rank[1]).max() > 1e-3
+    searched = controlled(opened, study, -2.0, "balance={rank: gregory, keep: {frf_error: 0.05}}")
+    assert "closed-loop" in searched.ranked["arm"].rankings and searched.choice.search.frf_error <= 0.05
+
+
+def test_a_loop_without_its_parts_is_refused(opened: Callable[..., Run], study: Path) -> None:
+    with pytest.raises(ConfigError, match=r"'balance.rank': closed-loop weighs modes .*name one in scene.controller"):
+        opened("balance={rank: closed-loop, keep: all}")
+    with pytest.raises(ConfigError, match="no figure without a sensor of its controller"):
+        controlled(opened, study, -2.0, "balance={rank: closed-loop, keep: all, sensitivity: true}")
+    with pytest.raises(DampingError, match=r"a root at .* that does not decay"):
+        _ = controlled(opened, study, 2.0, "balance={rank: closed-loop, keep: all}").ranked

@@ -1,0 +1,83 @@
+"""A basis that spans the damped modes of a body, against all roots of the unreduced body by dense algebra."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from cmsreduce.errors import ConfigError
+from cmsreduce.model import Damping, FEModel, ReducedComponent
+from cmsreduce.reduce import CraigBampton, MacNealRubin, reduction
+from tests.frames import line
+
+CUTOFF = 400.0
+
+
+def damped(elements: int = 12, c: float = 3.0) -> FEModel:
+    """A bar with a rotary damper across its middle third, heavy enough to nearly lock it."""
+    body = line("arm", [0, 0, 0], [1.2, 0, 0], elements)
+    across = np.zeros(body.n)
+    for node, sign in ((elements // 3 + 1, -1.0), (2 * elements // 3 + 1, 1.0)):
+        across[np.flatnonzero((body.dofs.node == node) & (body.dofs.component == 5))] = sign
+    return replace(body, D=sp.csc_array(c * np.outer(across, across)), damping=Damping())
+
+
+def roots(M: np.ndarray, D: np.ndarray, K: np.ndarray, hz: float) -> np.ndarray:
+    """Oscillating roots up to a frequency by a companion matrix in mass-normalised coordinates."""
+    w2, X = la.eigh(K, M)
+    d, n = X.T @ D @ X, w2.size
+    s = la.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(w2), -d]]))
+    s = s[(s.imag > 1.0) & (abs(s) < 2 * np.pi * hz)]
+    return s[np.argsort(s.imag)]
+
+
+def found(reduced: ReducedComponent, columns: np.ndarray) -> np.ndarray:
+    assert reduced.D is not None
+    return roots(*(A[np.ix_(columns, columns)] for A in (reduced.M, reduced.D, reduced.K)), CUTOFF / 1.25)
+
+
+def worst(some: np.ndarray, exact: np.ndarray) -> float:
+    """Largest distance of an exact root from the nearest one, as a share of its frequency."""
+    return max(abs(some - s).min() / abs(s) for s in exact)
+
+
+@pytest.mark.parametrize("elements", [12, 40])
+def test_modes_at_a_held_interface_are_those_of_the_body(elements: int) -> None:
+    """40 elements are more than dense algebra takes at once: the search for damped modes starts from normal modes."""
+    body = damped(elements)
+    held = body.interface_rows("a")
+    j = np.setdiff1d(np.arange(body.n), held)
+    exact = roots(*(A[j][:, j].toarray() for A in (body.M, body.D, body.K)), CUTOFF / 1.25)
+    assert (-exact.real / abs(exact)).max() > 0.05
+    usual, ours = (CraigBampton(CUTOFF, damped=on).reduce(body, held) for on in (False, True))
+    assert worst(found(usual, np.arange(6, usual.modes.m)), exact) > 1e-3
+    assert worst(found(ours, np.arange(6, ours.modes.m)), exact) < 1e-8
+    kinds = ours.modes.kind
+    assert 0 < kinds.count("damped") <= kinds.count("fixed") and kinds[: usual.modes.m] == usual.modes.kind
+    np.testing.assert_array_equal(ours.modes.Phi[:, : usual.modes.m], usual.modes.Phi)
+
+
+def test_free_modes_are_those_of_the_body() -> None:
+    body = damped()
+    exact = roots(body.M.toarray(), body.D.toarray(), body.K.toarray(), CUTOFF / 1.25)
+    usual, ours = (MacNealRubin(CUTOFF, damped=on).reduce(body) for on in (False, True))
+    every = [np.arange(each.modes.m) for each in (usual, ours)]
+    assert worst(found(usual, every[0]), exact) > 1e-4
+    assert worst(found(ours, every[1]), exact) < 1e-8
+    assert ours.rigid.shape[1] == 6
+
+
+def test_proportional_damping_needs_no_more_shapes() -> None:
+    body = line("arm", [0, 0, 0], [1.2, 0, 0], 8)
+    for same in (body, replace(body, D=sp.csc_array(1e-4 * body.K), damping=Damping())):
+        assert "damped" not in MacNealRubin(CUTOFF, damped=True).reduce(same).modes.kind
+
+
+def test_sets_without_damped_modes_say_so() -> None:
+    for method in ("guyan", "benfield-hruda", "scene"):
+        with pytest.raises(ConfigError, match=f"{method} has no damped modes"):
+            reduction(method, CUTOFF, damped=True)
