@@ -397,6 +397,20 @@ def schema() -> None:
     click.echo(json.dumps(json_schema(), indent=2))
 
 
+_SCHEMA = "cmsreduce.schema.json"
+
+
+def _written(path: Path, text: str) -> None:
+    """Write a draft, with the schema by which editors complete and check its keys."""
+    import json
+
+    from cmsreduce.config import json_schema
+
+    path.write_text(f"# yaml-language-server: $schema={_SCHEMA}\n{text}", encoding="utf-8")
+    if not (schema_file := path.with_name(_SCHEMA)).exists():
+        schema_file.write_text(json.dumps(json_schema(), indent=1), encoding="utf-8")
+
+
 @main.command()
 @click.argument("name")
 @click.argument("files", nargs=-1, metavar="[FILE]...", type=click.Path(path_type=Path))
@@ -404,7 +418,8 @@ def new(name: str, files: tuple[Path, ...]) -> None:
     """Write a commented starter pipeline NAME.yaml.
 
     With FILEs it is filled in and can be run: the matrices of a body and the deck or mesh they came from, whatever
-    their names, or those of several bodies, which are joined where their nodes coincide.
+    their names, or those of several bodies, which are joined where their nodes coincide. Editors find the keys in
+    cmsreduce.schema.json beside it.
     """
     from cmsreduce.config import starter_pipeline
 
@@ -412,7 +427,7 @@ def new(name: str, files: tuple[Path, ...]) -> None:
     if path.exists():
         raise WriteError(f"{path} exists; choose another name or remove it: cmsreduce new {name}2 ...")
     if not files:
-        path.write_text(starter_pipeline(name), encoding="utf-8")
+        _written(path, starter_pipeline(name))
         click.echo(f"{path} written; fill in your files, then: cmsreduce run {path}")
         click.echo(f"or have it filled in: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
         return
@@ -421,7 +436,7 @@ def new(name: str, files: tuple[Path, ...]) -> None:
 
     with collecting() as failures:
         draft = draft_pipeline(name, files)
-    path.write_text(draft.text, encoding="utf-8")
+    _written(path, draft.text)
     for warning in (*draft.warnings, *(failure.line for failure in failures)):
         click.echo(f"warning: {warning}", err=True)
     click.echo(f"{path} written; look at the lines marked CHECK, then: cmsreduce run {path}")

@@ -41,7 +41,9 @@ def repository_files() -> list[PurePosixPath]:
 def reference_pages() -> dict[str, str]:
     """Text of each generated page by its path: the keys of the pipeline file, and the names of each room."""
     pages = {"reference/pipeline-file.md": key_page(json_schema())}
-    return pages | {f"reference/{room}.md": api_page(room) for room in ROOMS}
+    pages |= {f"reference/{room}.md": api_page(room) for room in ROOMS}
+    # What a search finds in the guide stands before what it finds here.
+    return {path: f"---\nsearch: {{boost: 0.2}}\n---\n\n{text}" for path, text in pages.items()}
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:

@@ -1,10 +1,12 @@
 """Every kind of mistake ends in one error that names file, line, key and remedy."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 from cmsreduce.config import load_pipeline
+from cmsreduce.config.keys import Keys
 from cmsreduce.errors import ConfigError
 
 # What is replaced in the pipeline, by what, how many lines off the message stands, and words of it.
@@ -275,3 +277,15 @@ def test_files_that_are_no_pipeline(tmp_path, text, where, words):
         load_pipeline(path)
     assert str(refused.value).startswith(f"{path}{where}: ")
     assert words in str(refused.value)
+
+
+def test_every_removed_key_is_in_the_notes_on_moving() -> None:
+    """A key that is refused with what to write instead stands in the table of the changelog, too."""
+    notes = (Path(__file__).parents[2] / "CHANGELOG.md").read_text().partition("### Moving from")[2].partition("###")[0]
+    found, todo = set(), [Keys]
+    while todo:
+        grammar = todo.pop()
+        todo += grammar.__subclasses__()
+        found |= set(grammar.removed)
+    assert {"parts", "rotate"} <= found
+    assert all(re.search(rf"`(\w+\.)*{key}`", notes) for key in found), found

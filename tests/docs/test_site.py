@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Iterator
 from types import ModuleType
+from typing import Any
 
 import pytest
 from ruamel.yaml import YAML
@@ -17,6 +18,7 @@ from cmsreduce.config import json_schema
 from cmsreduce.config.grammar import field_at
 from tests.docs.pages import ROOT
 from tests.docs.test_links import LINKED
+from tests.report.browser import launched, needs_browser, opened
 
 SITE = ROOT / "docs" / "site"
 
@@ -91,4 +93,65 @@ def test_every_room_has_a_page_with_its_names() -> None:
 
 def test_every_page_is_in_the_navigation() -> None:
     text = (SITE / "mkdocs.yml").read_text()
-    assert {page for page in LINKED if f": {page}\n" not in text} == set()
+    notebooks = [str(path.relative_to(ROOT).with_suffix(".md")) for path in ROOT.glob("examples/notebooks/*.ipynb")]
+    assert {page for page in (*LINKED, *notebooks) if f": {page}\n" not in text} == set()
+
+
+BUILT = ROOT / "build" / "site" / "index.html"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with launched() as found:
+        yield found
+
+
+@pytest.mark.chromium
+@needs_browser
+@pytest.mark.skipif(not BUILT.is_file(), reason="`make docs` was not run; CI runs it before the tests")
+class TestInABrowser:
+    """The site as it lies on the disk, without a network."""
+
+    @pytest.mark.parametrize(
+        ("typed", "page", "title"),
+        [
+            ("shuffled", "docs/howto.html", "Questions and answers"),
+            ("which mode set", "docs/howto.html", "Questions and answers"),
+            ("cholmod", "docs/large-bodies.html", "Large bodies"),
+        ],
+    )
+    def test_a_word_is_found(self, browser: Any, typed: str, page: str, title: str) -> None:
+        with opened(browser, BUILT) as found:
+            found.page.click("input.md-search__input")
+            found.page.keyboard.type(typed)
+            link = found.page.locator(f"a.md-search-result__link[href*='{page}']").first
+            link.wait_for(timeout=60_000)
+            link.click()
+            found.page.wait_for_url(f"**/{page}*")
+            assert typed in found.page.inner_text("article").lower()
+            assert title in found.page.title()
+            assert found.faults == []
+
+    def test_a_word_that_is_nowhere_is_not_found(self, browser: Any) -> None:
+        with opened(browser, BUILT) as found:
+            found.page.click("input.md-search__input")
+            found.page.keyboard.type("qwertzuiop")
+            found.page.wait_for_function(
+                "document.querySelector('.md-search-result__meta').innerText.startsWith('No ')"
+            )
+            assert found.page.locator("a.md-search-result__link").count() == 0
+
+    def test_a_notebook_shows_its_plots(self, browser: Any) -> None:
+        with opened(browser, BUILT.parent / "examples/notebooks/first_reduction.html") as found:
+            found.page.wait_for_function("document.querySelectorAll('.js-plotly-plot .main-svg').length > 2")
+            assert "PASS" in found.page.inner_text("article")
+            assert found.page.locator("article table.dataframe").count() == 2
+            # Plotly reads its canvas back, which the browser finds slow.
+            assert [fault for fault in found.faults if not re.search("Canvas2D|GL Driver", fault)] == []
+
+    def test_the_first_page_has_picture_command_and_roads(self, browser: Any) -> None:
+        with opened(browser, BUILT) as found:
+            assert found.page.evaluate("document.querySelector('article img').naturalWidth") > 1000
+            assert "cmsreduce run pipelines/galileo.yaml" in found.page.inner_text("article pre")
+            assert len(found.page.inner_text("article").split()) < 300
+            assert found.faults == []

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-import ast
-import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+
+from tests.docs.test_site import module
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
-
-
-def values(notebook: Path) -> tuple[dict[str, Any], list[Any]]:
-    """Names that the cells leave, and the value of each code cell's last line."""
-    names: dict[str, Any] = {}
-    shown = []
-    for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]:
-        if cell["cell_type"] != "code":
-            continue
-        assert cell["outputs"] == [], "results are not stored with a notebook"
-        tree = ast.parse("".join(cell["source"]))
-        last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
-        exec(compile(tree, notebook.name, "exec"), names)
-        if isinstance(last, ast.Expr):
-            shown.append(eval(compile(ast.Expression(last.value), notebook.name, "eval"), names))
-    return names, shown
 
 
 @pytest.fixture
@@ -39,11 +24,15 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run(name: str) -> tuple[dict[str, Any], list[Any]]:
-    return values(ROOT / "examples" / "notebooks" / f"{name}.ipynb")
+    """Names that the cells leave, and the values that they show, by the code that makes the pages of the site."""
+    names: dict[str, Any] = {}
+    cells = module("notebook_page").run_cells(ROOT / "examples" / "notebooks" / f"{name}.ipynb", names)
+    return names, [value for _, _, value in cells if value is not None]
 
 
 def test_there_is_a_test_for_every_notebook() -> None:
-    assert [path.stem for path in NOTEBOOKS] == ["choose_a_model", "couple_and_export", "first_reduction"]
+    tested = ["calculix_body", "choose_a_model", "couple_and_export", "first_reduction"]
+    assert [path.stem for path in NOTEBOOKS] == tested
 
 
 def test_first_reduction(folder: Path) -> None:
@@ -64,6 +53,17 @@ def test_choose_a_model(folder: Path) -> None:
     # More modes, a smaller error.
     assert table["frf_error"].is_monotonic_decreasing
     assert bode.layout.yaxis2.title.text == "phase, deg" and mac.data[0].z.max() > 0.99
+
+
+@pytest.mark.ccx
+def test_calculix_body(folder: Path) -> None:
+    """The frequencies of the bar from the files are those that CalculiX prints, to its printed digits."""
+    names, (files, finished, hertz, bode, table, written) = run("calculix_body")
+    assert {"bar.sti", "bar.mas", "bar.dof"} <= set(files)
+    assert finished.passed and len(table) < names["body"].K.shape[0] / 10
+    assert hertz.shape == (6, 2)
+    np.testing.assert_allclose(names["ours"][6:12], names["calculix"][6:], rtol=1e-5)
+    assert bode.layout.title.text.startswith("motor") and written[0].is_file()
 
 
 def test_couple_and_export(folder: Path) -> None:
