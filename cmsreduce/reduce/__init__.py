@@ -75,4 +75,6 @@ def reduction(
         return kind(cutoff_hz, interface_reduction=interface_reduction, damped=damped)
     if interface_reduction is not None:
         raise ConfigError(f"reduce: {method} has no constraint modes, so `interface_cutoff` does not apply to it")
-    return kind(cutoff_hz, loading) if issubclass(kind, BenfieldHruda) else kind(cutoff_hz, damped=damped)
+    if issubclass(kind, BenfieldHruda):
+        return kind(cutoff_hz, loading)
+    return kind(cutoff_hz, damped=True) if damped else kind(cutoff_hz)

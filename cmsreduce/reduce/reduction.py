@@ -148,7 +148,8 @@ class Reduction(ABC):
             If a rigid-body mode lies outside the span of the mode set, or the set holds no shape at all.
         """
         rigid = _rigid_modes(body) if rigid is None else rigid
-        basis = self._basis(body, interface, loads, rigid)
+        basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+        basis = self._also_damped(basis, body, rigid)
         self._refuse_empty(body, basis.modes)
         modes = basis.enriched() if enriched else basis.modes
         # The factor that the basis holds is large.
@@ -184,7 +185,8 @@ class Reduction(ABC):
             As in `reduce`.
         """
         rigid = _rigid_modes(body) if rigid is None else rigid
-        basis = self._basis(body, interface, loads, rigid)
+        basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+        basis = self._also_damped(basis, body, rigid)
         self._refuse_empty(body, basis.modes)
         missed = basis.missed(_loads(body, tested))
         modes, more = basis.modes, basis.enriched() if enrich else None
@@ -197,9 +199,8 @@ class Reduction(ABC):
             richer = project(body, with_corners(body, more, corners, self.cutoff_hz), rigid)
         return Examined(project(body, modes, rigid), missed, richer)
 
-    def _basis(self, body: FEModel, interface: ArrayLike | None, loads: Array | None, rigid: Array) -> Basis:
-        found = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
-        return with_damped_modes(found, body, rigid, self.cutoff_hz) if self.damped else found
+    def _also_damped(self, basis: Basis, body: FEModel, rigid: Array) -> Basis:
+        return with_damped_modes(basis, body, rigid, self.cutoff_hz) if self.damped else basis
 
     def _at_corners(
         self, body: FEModel, interface: ArrayLike | None, loads: Array | None, rigid: Array, *, enriched: bool = False
@@ -212,7 +213,8 @@ class Reduction(ABC):
                 continue
             try:
                 own = rigid_at(body, values, rigid)
-                basis = self._basis(there, interface, loads, own)
+                basis = self.basis(there, _i_set(there, interface), own, _loads(there, loads))
+                basis = self._also_damped(basis, there, own)
                 found.append((label, basis.enriched() if enriched else basis.modes))
             except MatrixError as error:
                 raise MatrixError(f"with {label}: {error}") from None
