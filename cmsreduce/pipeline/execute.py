@@ -84,6 +84,7 @@ def execute(
             _values_written(run)
         if report and last == "write":
             _begin_packing()
+        run.makes_reference = "verify" in due and run.pipeline.verify is not None and run.has_response
         for name in run.flexible_names:
             run.flexible(name)
         # Orthogonalise runs reduce itself, and only where it is not finished.

@@ -167,6 +167,7 @@ def _opened(task: _Task) -> Run:
 def _finish_body(task: _Task, name: str) -> bool | None:
     try:
         run = _opened(task)
+        run.makes_reference = run.pipeline.verify is not None
         if name in run.reduced_names:
             run.modal(name)
         if run.pipeline.verify is not None and name not in run.mode_sets.unneeded:

@@ -92,6 +92,8 @@ class BodyStages:
             for name, part in pipeline.components.items()
             if part.rigid is not None
         }
+        self.makes_reference = False
+        """True where the unreduced bodies are needed in any case, so that their free modes may come first."""
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.pipeline.name} in {self.folder}>"
@@ -105,11 +107,6 @@ class BodyStages:
     def reduced_names(self) -> list[str]:
         """Flexible bodies that are reduced; the others enter the system as they were read."""
         return [name for name in self.flexible_names if self.pipeline.reduce_of(name) is not None]
-
-    @property
-    def has_response(self) -> bool:
-        """The scene has an input and an output to compare."""
-        return bool(self.scene.actuators and self.scene.sensors)
 
     @stage(
         "read",
@@ -243,11 +240,11 @@ class BodyStages:
 
     @once
     def _free_modes(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent | None:
-        """Free modes of the reference model, which comes first where it has some: they count those of a reduction."""
+        """Free modes of an unreduced body, where the run needs them in any case: they count those of its reduction."""
         name = self.mode_sets.first_alike(name, other)
-        compared = self.pipeline.verify is not None and self.has_response and self.stages.only is None
-        flexible = self.bodies[name]
-        if not compared or name in self.mode_sets.unneeded or not in_free_modes(flexible.body, flexible.rigid):
+        if not self.makes_reference or name in self.mode_sets.unneeded:
+            return None
+        if not in_free_modes(self.bodies[name].body, self.bodies[name].rigid):
             return None
         # A reference that fails stops no reduction; the comparison meets the error again, and reports it.
         with suppress(Exception):

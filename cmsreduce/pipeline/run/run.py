@@ -86,6 +86,11 @@ class Run(BodyStages):
             names = (tuple(channel.name for channel in group) for group in (self.scene.sensors, self.scene.actuators))
             self.controller = read_controller(controller.file, *names)
 
+    @property
+    def has_response(self) -> bool:
+        """The scene has an input and an output to compare."""
+        return bool(self.scene.actuators and self.scene.sensors)
+
     def _comparison_key(self) -> str:
         labels = {name: found.label for name, found in self.references.items()}
         keys = {name: reference_key(self.bodies[name], self.mode_sets.cutoff_hz(name)) for name in labels}
