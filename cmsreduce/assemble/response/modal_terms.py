@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -100,21 +99,10 @@ class ModalTerms:
     def weights(self, points: Columns) -> Complex:
         """Signed 1/Z of every mode at some frequencies (g, modes)."""
         out = np.empty((points.size, self.sign.size), dtype=np.complex128)
-        for table, own, columns in self._by_table:
+        for table, columns, start in zip(self.tables, self.columns, self.start[:-1], strict=True):
+            own = slice(start, start + columns.size)
             out[:, own] = table.weights[np.ix_(columns, points)].T
         return out * self.sign
-
-    @cached_property
-    def _by_table(self) -> list[tuple[ModalTable, Columns, Columns]]:
-        """Every body's table, the places of its modes among those of all changes, and their numbers."""
-        places = np.split(np.arange(self.sign.size), self.start[1:-1])
-        found = []
-        for table in dict.fromkeys(self.tables):
-            own = [k for k, each in enumerate(self.tables) if each is table]
-            found.append(
-                (table, np.concatenate([places[k] for k in own]), np.concatenate([self.columns[k] for k in own]))
-            )
-        return found
 
     def update(
         self, dH: Complex, known: Marks, part: slice, Z: Complex, alpha: Real, Sv: Complex, P: Complex, Q: Complex

@@ -33,6 +33,8 @@ _LOOKED_AT, _MOST_LOOKED_AT = 64, 128
 _PROOF, _HELD = 512, 0.96
 # Configurations added at a time, apart from each other by this share of the range, and rounds of additions.
 _ADDED, _APART, _ADDITIONS = 3, 0.05, 24
+# Neighbours of optimised configurations that are looked at, too, in shares of the range.
+_NEAR = 0.02
 # Share of every limit that is aimed at where the whole range counts: other configurations err a little more.
 _BETWEEN_AIM = 0.92
 # Configurations with the largest errors that are followed uphill, and the steps, in shares of the range.
@@ -223,13 +225,16 @@ class ResponseShapes:
         """
         span = self._span
         count = min(_LOOKED_AT * max(len(span.axes), 1), _MOST_LOOKED_AT)
-        always = [*self.scene.configurations, *span.corners()]
         seen, additions, self._held = self._seen, 0, 0
         while True:
             model = self._joined(self._components(found.shapes))
-            fresh = span.points(count, seen)
+            looked = fresh = span.points(count, seen)
             seen += count
-            looked = [each for each in [*always, *fresh] if each not in self.chosen]
+            if not self._held:
+                # After every change: where errors were large, they are so in narrow ridges.
+                near = [other for each in self.chosen for other in span.around(each, _NEAR)]
+                named = [*self.scene.configurations, *span.corners()]
+                looked = [*(each for each in named if each not in self.chosen), *fresh, *near]
             errors = self._screened(model, looked)
             worst = self._largest(model, looked, self._over(errors)) if grow and additions < _ADDITIONS else []
             if worst:
