@@ -1,4 +1,4 @@
-"""Scene shapes against other reductors: error against order and seconds, on five systems of one body.
+"""Scene shapes against other reductors: error against order and seconds, on systems of one body.
 
     python benchmarks/reductors.py [SYSTEM ...] [--write]  tables, and with --write picture and benchmarks/reductors.md
 
