@@ -1,4 +1,4 @@
-"""Scene shapes against other reductors: error against order and seconds, on three systems of one body.
+"""Scene shapes against other reductors: error against order and seconds, on systems of one body.
 
     python benchmarks/reductors.py [SYSTEM ...] [--write]  tables, and with --write picture and benchmarks/reductors.md
 
@@ -18,9 +18,11 @@ import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.io import loadmat
 
@@ -48,8 +50,14 @@ Real = NDArray[np.float64]
 PAGE, PICTURE = ROOT / "benchmarks" / "reductors.md", ROOT / "docs" / "smallest-model-peers.png"
 ISS = ROOT.parent / "shared" / "data" / "slicot" / "iss.mat"
 PEER = ROOT / "benchmarks" / "peers" / "reductors.py"
-ORDERS = {"iss": (8, 16), "rotor": (6, 9), "solid": (8, 12)}
-TITLES = {"iss": "ISS-1R", "rotor": "Galileo's rotor", "solid": "solid of 101 250 dofs, 20 inputs"}
+ORDERS = {"iss": (8, 16), "rotor": (6, 9), "triple": (6, 12), "chain": (3, 6), "solid": (8, 12)}
+TITLES = {
+    "iss": "ISS-1R",
+    "rotor": "Galileo's rotor",
+    "triple": "triple chain, 301 masses",
+    "chain": "chain of 100 masses and dampers",
+    "solid": "solid of 101 250 dofs, 20 inputs",
+}
 OURS, AFTER_IRKA = "scene shapes", "scene shapes from SOR-IRKA"
 # Errors of decibels are not looked at: peers do not limit them.
 LIMIT = ResponseLimits(0.001, np.inf)
@@ -140,6 +148,34 @@ def rotor(folder: Path) -> Modal:
     return Modal.of(W, modes.viscous[modes.elastic], rows[:6].T, rows[-6:], False, run.scene.band)
 
 
+def triple_chain(masses: int = 100) -> Modal:
+    """Three chains between walls and one mass (Truhar and Veselic, 2009, example 2), all masses driven and measured.
+
+    Rayleigh damping 0.002 M + 0.002 K (Saak, 2009), without the three dampers of the source: all methods take modes.
+    """
+    m, k, end = (1.0, 2.0, 3.0), (10.0, 20.0, 1.0), 3 * masses
+    K, M = np.zeros((end + 1, end + 1)), np.diag(np.append(np.repeat(m, masses), 10.0))
+    K[end, end] = 50.0
+    for chain, spring in enumerate(k):
+        own = np.append(np.arange(chain * masses, (chain + 1) * masses), end)
+        K[own[0], own[0]] += spring
+        for a, b in pairwise(own):
+            K[np.ix_([a, b], [a, b])] += spring * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return of_matrices(M, 0.002 * (M + K), K, np.ones((end + 1, 1)), (1e-3, 0.2))
+
+
+def damped_chain(masses: int = 100) -> Modal:
+    """Linear part of the mass-spring-damper benchmark of Kawano and Scherpen (2015): m = k = d = 1, the last mass."""
+    K = 2 * np.eye(masses) - np.eye(masses, k=1) - np.eye(masses, k=-1)
+    return of_matrices(np.eye(masses), K, K, np.eye(masses)[:, -1:], (1e-3, 0.2))
+
+
+def of_matrices(M: Real, D: Real, K: Real, B: Real, band: tuple[float, float]) -> Modal:
+    """A proportionally damped system that is measured where it is driven, in its modes."""
+    squared, Phi = la.eigh(K, M)
+    return Modal.of(np.sqrt(squared), np.einsum("ij,ij->j", Phi, D @ Phi), Phi.T @ B, B.T @ Phi, False, band)
+
+
 def solid(folder: Path, cells: tuple[int, int, int] = CELLS) -> Modal:
     """The solid of `large_scene.py` in static shapes and responses of its scene."""
     settings = ["reduce={method: scene}", "balance={keep: all}"]
@@ -213,7 +249,13 @@ def main(systems: list[str], write: bool) -> None:
     lines = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        makers = {"iss": iss, "rotor": lambda: rotor(folder), "solid": lambda: solid(folder)}
+        makers = {
+            "iss": iss,
+            "rotor": lambda: rotor(folder),
+            "triple": triple_chain,
+            "chain": damped_chain,
+            "solid": lambda: solid(folder),
+        }
         for label in systems:
             system = makers[label]()
             found[label] = [*ours(system, ORDERS[label]), *peers(system, ORDERS[label], folder)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import by_columns
 from cmsreduce.linalg.response import DynamicStiffness, ResonanceError
-from cmsreduce.linalg.sparse import BLOCK, factorise
+from cmsreduce.linalg.sparse import BLOCK, NotPositiveDefiniteError, factorise
 from cmsreduce.model import FEModel, Substructure
 from cmsreduce.reduce.static_shapes import elastic_solve, residual_shapes
 
@@ -93,7 +93,10 @@ class ResponseBody:
         """
         if self.body.D is None:
             Z = sp.csc_array(self.body.K - omega**2 * self.body.M)
-            solve = factorise(Z, definite=False, what=f"body '{self.body.name}': the dynamic stiffness")
+            try:
+                solve = factorise(Z, definite=False, what=f"body '{self.body.name}': the dynamic stiffness")
+            except NotPositiveDefiniteError:
+                raise ResonanceError(omega) from None
             X: Array | Complex = solve(self.force)
         else:
             X = DynamicStiffness(self.body.K, self.body.M, self.body.D).solve(self.force, omega)

@@ -60,9 +60,9 @@ class Certified:
     allowed: float
 
 
-def certified(rng: np.random.Generator, folder: Path) -> Certified:
-    """Reduce a random held block to responses of a random scene."""
-    cells = rng.integers([4, 2, 2], [7, 5, 5])
+def certified(rng: np.random.Generator, folder: Path, least: tuple[int, int, int] = (4, 2, 2)) -> Certified:
+    """Reduce a random held block, of up to two cells more along each side than ``least``, to responses of a scene."""
+    cells = rng.integers(least, np.array(least) + 3)
     sides = rng.uniform(0.1, 0.4, 3)
     body = block("solid", sides.tolist(), cells.tolist(), held=range(1, 1 + int(np.prod(cells[1:] + 1))))
     loss, limit = float(10 ** rng.uniform(-2.5, -1)), float(10 ** rng.uniform(-3, -1))

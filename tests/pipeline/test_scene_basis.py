@@ -196,6 +196,13 @@ def test_errors_are_those_of_the_full_matrices_by_dense_algebra(tmp_path: Path, 
     assert found.last <= ESTIMATE_FACTOR * found.last_estimate
 
 
+def test_a_point_at_a_resonance_that_the_shapes_lack_moves_beside_it(tmp_path: Path) -> None:
+    """In this case the band ends at a mode, to the last digit, and the estimate is largest there."""
+    found = certified(np.random.default_rng(207), tmp_path, (3, 1, 1))
+    assert found.last_estimate <= found.allowed
+    assert found.last <= ESTIMATE_FACTOR * found.last_estimate
+
+
 def test_a_held_body_takes_the_forces_of_the_ground(opened: Callable[..., Run]) -> None:
     run = opened(SCENE, ALL, text=CANTILEVER)
     (configuration,) = run.scene.configurations

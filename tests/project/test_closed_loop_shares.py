@@ -70,25 +70,32 @@ def test_a_gentle_loop_weighs_each_mode_by_its_gain():
     np.testing.assert_allclose(found, 2 * (GAIN**2 / (4 * zeta * OMEGA) * K) ** 2, rtol=2e-3)
 
 
-@pytest.mark.parametrize("free", [False, True])
-def test_gramians_are_those_of_enns_weights(free: bool):
-    """X of the states under K / (1 + G K), Y of their effect under 1 / (1 + G K), by integrals over frequency."""
+@pytest.mark.parametrize(("free", "skew"), [(False, 0.0), (True, 0.0), (False, 0.7)])
+def test_gramians_are_those_of_enns_weights(free: bool, skew: float):
+    """X of the states under K / (1 + G K), Y of their effect under 1 / (1 + G K), by integrals over frequency.
+
+    With gyroscopic forces, too: a skew part of D.
+    """
     system, gain, hold = plant(0.05, free), 0.1, 0.2 * free
-    w = np.geomspace(1e-6, 1e3, 40_000)
+    assert system.D is not None
+    system = replace(system, D=system.D + skew * np.array([[0, 1], [-1, 0]])) if skew else system
+    N = system.M.shape[0]
+    w = np.geomspace(1e-6, 1e3, 20_000)
     w = np.concatenate([-w[::-1], w])
-    found, (G, K) = shares(system, gain, hold), responses(system, gain, w, hold)
-    loop_gain = 1 + G.sum(axis=1) * K
-    N, s, b = system.M.shape[0], 1j * w, system.B[:, 0]
-    d = s[:, None] ** 2 + s[:, None] * system.D.diagonal() + system.K.diagonal()
-    states = np.hstack([b / d, s[:, None] * b / d]) * (K / loop_gain)[:, None]
-    # y of initial amplitudes and rates: v = (s v0 - w^2 x0) / d.
-    effects = np.hstack([-system.K.diagonal() * b / d, s[:, None] * b / d]) / loop_gain[:, None]
+    A = np.block([[np.zeros((N, N)), np.eye(N)], [-system.K, -system.D]])
+    free_states = np.linalg.inv(1j * w[:, None, None] * np.eye(2 * N) - A)
+    C = np.hstack([np.zeros((1, N)), system.C2])
+    driven = (free_states @ np.vstack([np.zeros((N, 1)), system.B]))[:, :, 0]
+    K = responses(system, gain, w, hold)[1]
+    loop_gain = 1 + (driven @ C.T)[:, 0] * K
+    states, effects = driven * (K / loop_gain)[:, None], (C @ free_states)[:, 0] / loop_gain[:, None]
     X, Y = (np.trapezoid(a[:, :, None] * a[:, None].conj(), w, axis=0).real / (2 * np.pi) for a in (states, effects))
-    product = X @ Y.T
+    product = X @ Y
     expected = product.diagonal()[:N] + product.diagonal()[N:]
     if free:
         # The amplitude of the free motion grows without bound and is not measured.
         expected[0] = product[N, N]
+    found = shares(system, gain, hold)
     assert found.total == pytest.approx(expected.sum(), rel=2e-3)
     np.testing.assert_allclose(found.coordinates["body"], expected, rtol=0, atol=2e-3 * found.total)
 

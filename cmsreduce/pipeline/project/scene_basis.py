@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import JoinedRows, PointStack, body_receptances
 from cmsreduce.errors import ConfigError, SceneError
+from cmsreduce.linalg.response import ResonanceError
 from cmsreduce.model import Configuration, Scene, Substructure, is_gyroscopic
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
@@ -180,8 +181,15 @@ class SceneBasis:
                 len(self.points) >= _MOST or (worst.error <= allowed and _agree(*checked[-1][1:], allowed))
             ):
                 break
-            self.points.append(self._next(worst, more))
-            checked.append((self.points[-1] / (2 * np.pi), *self._add(self.points[-1], less, worst)))
+            point = self._next(worst, more)
+            try:
+                found = self._add(point, less, worst)
+            except ResonanceError:
+                # That of a mode which the shapes do not have yet.
+                point *= 1 + _BESIDE
+                found = self._add(point, less, worst)
+            self.points.append(point)
+            checked.append((point / (2 * np.pi), *found))
         return SceneShapes(
             {name: body.shapes for name, body in self.bodies.items()},
             tuple(w / (2 * np.pi) for w in self.points),
