@@ -108,7 +108,7 @@ PEERS = {
     f"{OURS}-disk": Peer(
         "cmsreduce, factor on disk",
         "ours.py",
-        ("single", "uncounted"),
+        ("double", "uncounted", "on-disk"),
         environment={"PYTHONPATH": str(ROOT)},
     ),
     f"{OURS}-multifrontal": _over("cmsreduce, multifrontal", "ours.py", "multifrontal"),

@@ -21,6 +21,8 @@ from cmsreduce.multifrontal import CholeskyFactor
 
 TOLERANCE = 1e-8
 """Accuracy demanded of all peers; cmsreduce's own default is finer."""
+ON_DISK = 4000.0
+"""Bytes a row: less memory than a factor of a large solid takes, and more than the updates beside it."""
 
 
 def main(folder: Path) -> None:
@@ -41,8 +43,9 @@ def reduce(problem: Problem, report: Report) -> None:
         with report.timed("certificate"):
             count = count_below(K, M, omega)
     # The order that the count found would serve K, too; the peers' factorisations find theirs.
-    orders = solver_settings(replace(current_settings(), orders=KnownOrders()))
-    with orders, timed_numeric(report), report.timed("factorise"):
+    memory = ON_DISK * K.shape[0] if "on-disk" in sys.argv[2:] else None
+    fresh = solver_settings(replace(current_settings(), orders=KnownOrders(), memory=memory))
+    with fresh, timed_numeric(report), report.timed("factorise"):
         factor = factorise(K, what="K with the interface held")
     calls: list[int] = []
     # In single precision, solves that are not refined.
@@ -106,8 +109,7 @@ def cost(factor: object) -> dict[str, object]:
 
 if __name__ == "__main__":
     given = Path(sys.argv[1])
-    precision = "single" if "single" in sys.argv[2:] else "auto"
-    # A factor that does not fit in memory goes to disk.
+    precision = next((each for each in ("single", "double") if each in sys.argv[2:]), "auto")
     backend = next((each for each in ("multifrontal", "pardiso") if each in sys.argv[2:]), "auto")
     with solver_settings(SolverSettings(backend, precision=precision, scratch=given / "scratch")):
         main(given)
