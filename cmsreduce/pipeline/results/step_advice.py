@@ -110,49 +110,51 @@ def advice_notes(
 def _fewer(searched: str | None) -> str:
     """The search that would leave costly modes out, beyond the one that the run has made."""
     if searched is None:
-        return "try `balance: {keep: limits}`, which leaves out what no limit needs"
+        return "`balance: {keep: limits}` leaves out modes that no limit needs"
     if searched == "modes":
-        return "try `balance: {keep: {limits: all, minimise: cost}}`, which may meet the limits by slower ones"
+        return "`balance: {keep: {limits: all, minimise: cost}}` may meet the limits by slower modes"
     return "the search for the lowest cost found no model without them that meets the limits"
 
 
 def _advice(
     components: Mapping[str, ComponentResult], systems: Sequence[SystemModes], band_hz: float, fewer: str
 ) -> Iterator[str]:
-    keys = []
+    keys, named, share = [], [], 0.0
     for name, part in components.items():
         found = part.costly
         if found is not None and found.gain >= _LONGER_STEP:
             modes = found.modes[-_NAMED:]
-            named = ", ".join(str(each.mode) for each in modes)
+            numbers = ", ".join(str(each.mode) for each in modes)
             more = f" and {len(found.modes) - _NAMED} lower ones" if len(found.modes) > _NAMED else ""
-            yield (
-                f"{name}: modes {named} (to {modes[-1].hz:.4g} Hz){more} limit its time step, and each changes its "
-                f"flexibility in the band by less than {100 * found.share:g} %: {fewer}"
-            )
+            named.append(f"{numbers}{more} of {name} (to {modes[-1].hz:.4g} Hz)")
+            share = max(share, found.share)
             keys.append(f"components.{name}.reduce.static_above: {static_above(found, band_hz):g}")
+    if named:
+        yield (
+            f"modes {'; '.join(named)} limit the time step, and each changes the flexibility of its body in the band "
+            f"by less than {100 * share:g} %: {fewer}"
+        )
     highest, treated = (
         max((value or 0.0 for value in values), default=0.0)
         for values in ([each.highest_hz for each in systems], [each.treated_hz for each in systems])
     )
     if keys and highest and treated:
-        treatment = f"static treatment ({', '.join(keys)})"
         if highest >= _LONGER_STEP * treated:
             yield (
-                f"{treatment} lowers the assembly's highest frequency from {highest:.4g} Hz to {treated:.4g} Hz, for "
-                f"steps {highest / treated:.3g} times as long. It costs accuracy: flexibility without mass responds at "
-                "once, and response errors in the band may grow several times; `verify` measures them, so compare "
-                "frf_error before and after"
+                f"static treatment ({', '.join(keys)}) lowers the assembly's highest frequency from {highest:.4g} Hz "
+                f"to {treated:.4g} Hz, for steps {highest / treated:.3g} times as long. It costs accuracy: flexibility "
+                "without mass responds at once, and response errors in the band may grow several times; `verify` "
+                "measures them, so compare frf_error before and after"
             )
         elif treated > _HIGHER * highest:
             yield (
-                f"{treatment} would raise the assembly's highest frequency from {highest:.4g} Hz to {treated:.4g} Hz, "
-                "and shorten its steps: joints would act on springs without mass. Keep the mass of these modes"
+                "static treatment of the modes that limit the step would raise the assembly's highest frequency from "
+                f"{highest:.4g} Hz to {treated:.4g} Hz, as joints would act on springs without mass: keep their mass"
             )
         else:
             yield (
-                f"{treatment} would hardly change the assembly's highest frequency ({treated:.4g} Hz after "
-                f"{highest:.4g} Hz), which other motions set: keep the mass of these modes"
+                "static treatment of the modes that limit the step would hardly change the assembly's highest "
+                f"frequency ({treated:.4g} Hz after {highest:.4g} Hz), which other motions set: keep their mass"
             )
     for name, part in components.items():
         yield from _rounding_notes(name, part.rounding)

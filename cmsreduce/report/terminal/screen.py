@@ -121,9 +121,11 @@ def _bodies(run: RunResult) -> Table:
         kept = f"{part.kept_modes} of {part.modes.elastic_count}"
         checks = f"{len(failed)} FAIL" if failed else f"{len(part.checks)} PASS"
         rows.append([name, part.modes.method, str(part.full_dofs), kept, mass, first, highest, checks])
+    units = str(run.settings.get("scene", {}).get("units", "")).split("-")
+    mass_head = f"mass, {units[1]}" if len(units) == len(("length", "mass", "time")) else "mass"
     counts, hertz = ("dofs", "modes kept"), ("first mode", "highest kept", "checks")
     # A mass that differs by axis is a sentence: it is folded, between words, before any name is.
-    columns = (words("body"), words("method", no_wrap=True), *map(figures, counts), words("mass", justify="right"))
+    columns = (words("body"), words("method", no_wrap=True), *map(figures, counts), words(mass_head, justify="right"))
     return table((*columns, *map(figures, hertz)), rows, edges=False)
 
 

@@ -92,15 +92,15 @@ def steps(highest: float, treated: float) -> str:
 @pytest.mark.parametrize(
     ("searched", "said"),
     [
-        (None, "try `balance: {keep: limits}`, which leaves out"),
-        ("modes", "try `balance: {keep: {limits: all, minimise: cost}}`"),
+        (None, "`balance: {keep: limits}` leaves out"),
+        ("modes", "`balance: {keep: {limits: all, minimise: cost}}` may"),
         ("cost", "the search for the lowest cost found no model without them"),
     ],
 )
 def test_costly_modes_are_left_to_a_search_that_the_run_has_not_made(searched: str | None, said: str) -> None:
     costly = CostlyModes((CostlyMode(9, 438.0, "fixed", 1e-5),), 100.0, 2.0, 1e-3)
     (note,) = advice_notes({"panel": SimpleNamespace(costly=costly, rounding=None)}, (), 60.0, searched)
-    assert note.startswith("panel: modes 9 (to 438 Hz) limit") and said in note
+    assert note.startswith("modes 9 of panel (to 438 Hz) limit") and said in note
 
 
 def test_static_treatment_is_advised_only_where_steps_get_longer() -> None:
