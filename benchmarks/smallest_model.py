@@ -1,7 +1,8 @@
 """Smallest models: modes chosen, system modes projected, and scene shapes; error against size on three systems.
 
     python benchmarks/smallest_model.py                    table and picture of docs/smallest-model.md
-    python benchmarks/smallest_model.py --range            Galileo at 100 random angles of its whole range
+    python benchmarks/smallest_model.py --range            Galileo's search at 100 random angles of its whole range
+    python benchmarks/smallest_model.py --range 3          the shapes that the tests hold at 300 random angles
     python benchmarks/smallest_model.py --certificates     certificates of 1000 random systems
     python benchmarks/smallest_model.py --visible station  modes of the system that no model within the limits can miss
     python benchmarks/smallest_model.py --search galileo   the search for modes: modes, sets tried, CPU seconds
@@ -27,13 +28,14 @@ from cmsreduce.config import load_pipeline  # noqa: E402
 from cmsreduce.errors import CmsReduceError  # noqa: E402
 from cmsreduce.pipeline import Run, Silent  # noqa: E402
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange  # noqa: E402
-from cmsreduce.project import ESTIMATE_FACTOR, response_certificates, richer_shapes  # noqa: E402
+from cmsreduce.project import ESTIMATE_FACTOR, keep_combinations, response_certificates, richer_shapes  # noqa: E402
 from cmsreduce.report.pictures.figure import drawn, legend_above, plain_axes  # noqa: E402
 from cmsreduce.verify import db_errors, decibel_grid, frf_error  # noqa: E402
 from tests.project.scene_systems import random_scene, random_shapes, whole_responses  # noqa: E402
 from tests.two_beams import write_two_beams  # noqa: E402
 
 PAGE, PICTURE = ROOT / "docs" / "smallest-model.md", ROOT / "docs" / "smallest-model.png"
+STORED = ROOT / "tests" / "golden" / "galileo_scene_shapes.npz"
 START, END = "<!-- table -->", "<!-- end of table -->"
 HEADER = "| system | road | shapes | worst frf_error | worst db_error | seconds |\n|---|---|---|---|---|---|"
 ON_PAGE = HEADER.replace(" seconds |", "").replace("---|---|---|---|---|---|", "---|---|---|---|---|")
@@ -135,6 +137,25 @@ def whole_range(settings: list[str]) -> None:
         )
 
 
+def held_in_range(hundreds: int) -> None:
+    """Errors of the stored shapes of Galileo at some hundred random angles of the whole range, by the fast measure."""
+    with tempfile.TemporaryDirectory() as folder, np.load(STORED) as file:
+        run = opened("galileo", Path(folder))
+        components = {}
+        for name, kept in run.kept.items():
+            amplitudes = kept.Phi[:, kept.elastic].T @ (kept.body.M @ file[f"22/{name}"].astype(np.float64))
+            components[name] = keep_combinations(kept, np.linalg.qr(amplitudes)[0], "stored", coupled=True)
+        model, span = run.joined(components), ArticulationRange(run.scene)
+        for seed in range(1, hundreds + 1):
+            errors = run.comparison.screened(span.random(RANDOM_ANGLES, seed), model)
+            broken = int(np.count_nonzero((errors > LIMITS["galileo"]).any(axis=1)))
+            print(
+                f"22 shapes at {RANDOM_ANGLES} random angles, seed {seed}: worst frf_error {errors[:, 0].max():.2%}, "
+                f"worst db_error {errors[:, 1].max():.2f} dB, {broken} angles break a limit",
+                flush=True,
+            )
+
+
 def searched(system: str, settings: list[str]) -> None:
     """The search for the fewest modes within the limits, with its CPU seconds and the load of the machine."""
     with tempfile.TemporaryDirectory() as folder:
@@ -196,7 +217,9 @@ def certificates() -> None:
 
 if __name__ == "__main__":
     arguments = sys.argv[1:]
-    if "--range" in arguments:
+    if "--range" in arguments and arguments[-1].isdigit():
+        held_in_range(int(arguments[-1]))
+    elif "--range" in arguments:
         whole_range([each for each in arguments if "=" in each])
     elif "--certificates" in arguments:
         certificates()
