@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import row_blocks
 from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, InterfaceLast, held_factor
 
 Array = NDArray[np.float64]
@@ -65,13 +66,19 @@ class HeldStiffness:
 
     def solved(self, X: Array) -> Array:
         """Shapes with the values of X at the held dofs that leave no force on the others."""
-        X, exact, last = X.copy(), sp.csc_array(self.K, dtype=np.longdouble), 0.0
+        X, last = X.copy(), 0.0
         for _ in range(_CORRECTIONS):
-            force = np.asarray((exact @ X.astype(np.longdouble))[self.free], dtype=np.float64)
-            change = self.factor(force)
+            change = self.factor(self._force(X)[self.free])
             X[self.free] -= change
             share = float((abs(change).max(axis=0) / abs(X).max(axis=0)).max(initial=0.0))
             if share * (share / last if last > share else 1.0) <= _CORRECTED:
                 break
             last = share
         return np.asarray(X)
+
+    def _force(self, X: Array) -> Array:
+        """K X with sums in long double; K is copied a part at a time: all of it is as large as the body."""
+        exact, n = X.astype(np.longdouble), self.K.shape[0]
+        # A column of the symmetric matrix is the row.
+        parts = (sp.csc_array(self.K[:, rows], dtype=np.longdouble) for rows in row_blocks(n, self.K.nnz // n + 1))
+        return np.vstack([np.asarray(part.T @ exact, dtype=np.float64) for part in parts])
