@@ -55,8 +55,10 @@ Rank = Annotated[
     Literal["gregory", "hankel", "component-cost", "modal-gain", "frequency", "system-cost", "closed-loop"],
     refused({"peak-amplitude": "is no longer a ranking: write gregory, which gives the same order"}),
 ]
-SYSTEM_COST, CLOSED_LOOP = "system-cost", "closed-loop"
-"""Rankings of the assembled system, whose coefficients compare modes of different bodies."""
+SYSTEM_COST = "system-cost"
+"""A ranking of the assembled system: coefficients compare modes of different bodies."""
+CLOSED_LOOP = "closed-loop"
+"""The same under the loop of a controller."""
 KeepRule = Literal["all", "modes", "total", "fraction", "frf_error", "bound", "limits", "numbers"]
 _KEEP_RULES: tuple[KeepRule, ...] = ("modes", "total", "fraction", "bound", "frf_error", "limits", "numbers")
 # Modes that one range names: a slip of the finger must not fill the memory.
