@@ -133,7 +133,7 @@ CASES = {
     "one triangle only": Case(("'arm'", "not symmetric", "triangle"), touch=matrices("arm", np.triu(K_ARM))),
     "rows shuffled": Case(("'panel'", r"panel\.op4", r"\b2\b", r"\b4\b", "row|order"), touch=shuffle),
     "stiffness and mass swapped": Case(
-        ("'arm'", "rigid motion"),
+        ("'arm'", r"arm\.op4", "are exchanged", r"components\.arm\.stiffness"),
         {
             "arm.op4, matrix: KAA": "arm.op4, matrix: MAA",
             "mass: {file: arm.op4, matrix: MAA": "mass: {file: arm.op4, matrix: KAA",

@@ -14,8 +14,8 @@ QUIET = 0.5
 LOUD = 0.1
 """Largest share of rows without force of a mass."""
 
-# A translation cancels in a row of a free stiffness, to the digits of the file: text may have four of them. In a row
-# of a mass matrix it adds up.
+# Every translation cancels in a row of a free stiffness, to the digits of the file: text may have four of them. In a
+# row of a mass matrix the one along it adds up; those across cancel in bars that lie at an angle.
 _NO_FORCE = 1e-3
 
 
@@ -29,6 +29,6 @@ def quiet_share(A: sp.csc_array, T: NDArray[np.float64]) -> float:
     T : (n, 3) float64
         Translations; rows that do not translate do not count.
     """
-    whole, force = abs(A) @ abs(T), abs(A @ T)
-    rows = (abs(T).sum(axis=1) > 0)[:, None] & (whole > 0)
+    whole, force = (abs(A) @ abs(T)).max(axis=1), abs(A @ T).max(axis=1)
+    rows = (abs(T).sum(axis=1) > 0) & (whole > 0)
     return float((force[rows] <= _NO_FORCE * whole[rows]).mean()) if rows.any() else 0.0

@@ -283,11 +283,15 @@ def test_a_body_on_the_ground_is_grounded(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(
-    ("mass", "cause"), [("KAA", "the stiffness and the mass are exchanged"), ("MAA", "the mass is given as stiffness")]
+    ("mass", "cause"),
+    [
+        ("KAA", r"the stiffness and the mass \(.*arm\.op4\) are exchanged"),
+        ("MAA", r"the mass \(.*\) is given as stiffness"),
+    ],
 )
 def test_a_run_says_that_the_matrices_are_exchanged(tmp_path: Path, mass: str, cause: str) -> None:
     write_body(tmp_path, arm())
-    with pytest.raises(DofMapError, match=f"Likely cause: {cause}"):
+    with pytest.raises(DofMapError, match=f"body 'arm': {cause}"):
         cms.read_body(
             "arm",
             stiffness=(tmp_path / "arm.op4", "MAA"),
@@ -300,7 +304,7 @@ def test_a_run_says_that_the_matrices_are_exchanged(tmp_path: Path, mass: str, c
 def test_a_run_says_that_the_stiffness_is_given_as_mass(tmp_path: Path, trusted: bool) -> None:
     write_body(tmp_path, arm())
     matrix = (tmp_path / "arm.op4", "KAA")
-    with pytest.raises(MatrixError, match="the stiffness is given as mass, too"):
+    with pytest.raises(MatrixError, match=r"the stiffness \(.*arm\.op4\) is given as mass, too"):
         cms.read_body("arm", stiffness=matrix, mass=matrix, geometry=tmp_path / "arm.bdf", rows_trusted=trusted)
 
 
