@@ -81,3 +81,5 @@ if __name__ == "__main__":
         status = killed_at(number, pipeline)
         left = left_behind(out) if out.is_dir() else {}
         sys.stdout.write(json.dumps({"status": status, **left}) + "\n")
+        # The next run forks with what is not written yet, and may write it, too.
+        sys.stdout.flush()

@@ -24,7 +24,7 @@ COUNT = count_below(BEAM.K, BEAM.M, OMEGA)
 
 def little(folder, precision="auto", backend="auto"):
     """Settings under which no factor of the beam fits in memory, but the work space of one in a file does."""
-    return SolverSettings(backend, memory=5e6, precision=precision, scratch=folder)
+    return SolverSettings(backend, memory=5e6, threads=1, precision=precision, scratch=folder)
 
 
 @pytest.mark.parametrize(("precision", "taken"), [("double", "double"), ("single", "single"), ("auto", "single")])
@@ -122,7 +122,8 @@ LIMITED = """
 def test_a_process_with_too_little_memory_makes_the_factor_in_a_file_if_the_disk_has_room(tmp_path):
     sp.save_npz(tmp_path / "cube.npz", block("cube", (1.0, 1.0, 1.0), (16, 16, 16), held=range(1, 290)).K)
     command = [sys.executable, "-c", textwrap.dedent(LIMITED), str(tmp_path / "cube.npz")]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
     in_memory, on_disk, refused = json.loads(done.stdout)
     assert in_memory[1] == 0 and on_disk[1] > 40
     assert on_disk[0] == in_memory[0] < 1e-9
