@@ -26,6 +26,8 @@ Complex = NDArray[np.complex128]
 # Memory of the receptances and joined flexibilities of the frequencies coupled at a time. Of 2^22 to 2^27 bytes, an
 # interface of 90 joint forces takes least time with 2^23 and 2^24, half of that with 2^27.
 _BLOCK_BYTES = 2**24
+# Several configurations have so many times as much together: blocks of few frequencies cost more calls than work.
+_OF_SEVERAL = 4
 
 
 def body_receptances(stack: PointStack, omega: Array) -> dict[str, Receptance]:
@@ -113,7 +115,7 @@ def _from_receptances(
     columns = {name: stack.body_columns(name).start + stack.moving(name) for name in receptances}
     entries = sum(place.size**2 for place in columns.values())
     entries += 3 * sum(each.shape[0] * each.shape[1] for each in joined)
-    for part in frequency_blocks(every.size, 16 * entries, _BLOCK_BYTES):
+    for part in frequency_blocks(every.size, 16 * entries, _BLOCK_BYTES * min(len(joined), _OF_SEVERAL)):
         omega = every[part]
         whole = np.arange(omega.size)
         inside = [np.flatnonzero((place >= part.start) & (place < part.stop)) for place in places]
