@@ -112,7 +112,7 @@ def with_closed_loop(
             raise MatrixError(
                 f"balance.rank: {CLOSED_LOOP}: in configuration '{configuration.name}' the loop has no real state "
                 "space of at most 1000 coordinates: structural damping, gyroscopic forces or measured rates of shapes "
-                "without mass, or a feedthrough that is its own input; take another ranking"
+                "without mass, or a direct feedthrough that makes the loop singular; take another ranking"
             )
         system, bodies = model.system(configuration), model.at(configuration).substructures
         B, C = loop.B / row, row[:, None] * loop.C
