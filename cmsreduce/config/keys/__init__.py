@@ -4,12 +4,13 @@ Key names, units, defaults and checks of single values belong here.
 References between parts of the file are checked in `config.references`.
 """
 
-from cmsreduce.config.keys.balance import CLOSED_LOOP, SYSTEM_COST, KeepKeys, RankingKeys, ScalingKeys
+from cmsreduce.config.keys.balance import CLOSED_LOOP, SYSTEM_COST, RankingKeys, ScalingKeys
 from cmsreduce.config.keys.channels import ActuatorKeys, SensorKeys, Size, channel_kind, parse_row
 from cmsreduce.config.keys.component import EXTSEOUT_NAMES, FLEXIBLE_ONLY, Component
 from cmsreduce.config.keys.files import MatrixFile
 from cmsreduce.config.keys.interface import InterfaceKeys
 from cmsreduce.config.keys.joints import Articulation
+from cmsreduce.config.keys.keep import KeepKeys
 from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point
 from cmsreduce.config.keys.parameters import ParameterKeys, ParameterMatrix, parse_value
 from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema, key_names

@@ -9,8 +9,9 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSchema
 
-from cmsreduce.config.keys.balance import BalanceKeys, KeepKeys
+from cmsreduce.config.keys.balance import BalanceKeys
 from cmsreduce.config.keys.component import Component
+from cmsreduce.config.keys.keep import KeepKeys
 from cmsreduce.config.keys.mapping import Count, DataPath, Keys, Name, OneOrMore, Plain
 from cmsreduce.config.keys.project import ProjectKeys
 from cmsreduce.config.keys.reduce import NO_PARTS, ReduceKeys
