@@ -11,7 +11,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from cmsreduce.cli_endings import Ending, check_memory, ending_of, patient_streams
+from cmsreduce.cli.endings import Ending, check_memory, ending_of, patient_streams
 
 __all__ = [
     "Commands",

@@ -1,0 +1,5 @@
+"""``python -m cmsreduce.cli`` is the command ``cmsreduce``."""
+
+from cmsreduce.cli import main
+
+main()
