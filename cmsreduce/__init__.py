@@ -59,18 +59,11 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from cmsreduce.errors import CmsReduceError
     from cmsreduce.model import Damping, Units, in_units
+    from cmsreduce.models_in_memory import AssembledSystem, Component
     from cmsreduce.reduce import AugmentedBody, BenfieldHruda, CraigBampton, Guyan, MacNealRubin
     from cmsreduce.runs import FinishedRun, run, simulate
     from cmsreduce.simulate import Motion, Pulse, Slew
-    from cmsreduce.steps import (
-        AssembledSystem,
-        Component,
-        assemble,
-        balance,
-        orthogonalise,
-        read_body,
-        write_component,
-    )
+    from cmsreduce.steps import assemble, balance, orthogonalise, read_body, write_component
     from cmsreduce.write import convert, read_component
 
     __version__: str
@@ -108,7 +101,8 @@ _MODULES = {
     "reduce": ("AugmentedBody", "BenfieldHruda", "CraigBampton", "Guyan", "MacNealRubin"),
     "runs": ("FinishedRun", "run", "simulate"),
     "simulate": ("Motion", "Pulse", "Slew"),
-    "steps": ("AssembledSystem", "Component", "assemble", "balance", "orthogonalise", "read_body", "write_component"),
+    "models_in_memory": ("AssembledSystem", "Component"),
+    "steps": ("assemble", "balance", "orthogonalise", "read_body", "write_component"),
     "write": ("convert", "read_component"),
 }
 _HOME = {name: f"cmsreduce.{module}" for module, names in _MODULES.items() for name in names}

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 
 from cmsreduce.errors import SceneError, StageError, not_among, optional_library
 from cmsreduce.model import ERRORS, MultibodyScene, RunResult, Verdict
+from cmsreduce.models_in_memory import AssembledSystem, Component
 from cmsreduce.pipeline import STAGES, Run, execute
 from cmsreduce.pipeline.batch import opened_run
 from cmsreduce.pipeline.results import floating_bodies, multibody_scene, run_result
 from cmsreduce.report import Output, Plots, csv_tables, html_card, run_card
 from cmsreduce.simulate import Law, Method, Motion, simulate_scene
-from cmsreduce.steps import AssembledSystem, Component
 from cmsreduce.write import summary
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from cmsreduce.config import load_pipeline
+from cmsreduce.models_in_memory import AssembledSystem
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.bodies import bodies, from_keys
-from cmsreduce.steps import AssembledSystem
 from cmsreduce.write import read_component
 from tests.pipeline.study import Log, arm, write_body
 

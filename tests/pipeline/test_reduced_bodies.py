@@ -10,9 +10,9 @@ from scipy.optimize import brentq
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError, ConfigError
+from cmsreduce.models_in_memory import AssembledSystem
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.inspection import inspected
-from cmsreduce.steps import AssembledSystem
 from cmsreduce.write import read_component, stored_integrals
 from tests.pipeline.study import ARM, PANEL, PIPELINE, Log, arm
 
