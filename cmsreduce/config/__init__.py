@@ -5,6 +5,7 @@ Nothing here opens a matrix or a mesh; `read` does.
 """
 
 from cmsreduce.config.cluster import ClusterKeys, load_cluster
+from cmsreduce.config.drafted import BodyDraft, body_pipeline, scene_pipeline
 from cmsreduce.config.keys import (
     BASIC,
     CENTRE,
@@ -38,7 +39,7 @@ from cmsreduce.config.keys import (
 from cmsreduce.config.load import load_pipeline, pipeline_from_keys
 from cmsreduce.config.located import Entry, parse
 from cmsreduce.config.scene import build_scene
-from cmsreduce.config.starter import BodyDraft, body_pipeline, scene_pipeline, starter_pipeline
+from cmsreduce.config.starter import starter_pipeline
 
 __all__ = [
     "CHECK_OF",

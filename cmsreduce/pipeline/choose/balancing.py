@@ -11,7 +11,7 @@ from cmsreduce.config import CLOSED_LOOP, SYSTEM_COST, ModeSetKeys, Pipeline, Ra
 from cmsreduce.errors import ConfigError, DampingError, MatrixError
 from cmsreduce.model import ModalChannels, ModalComponent, Scene, SensitivityRecord
 from cmsreduce.pipeline.bodies import FlexibleBody
-from cmsreduce.pipeline.choose.mode_sets import off_every_path
+from cmsreduce.pipeline.choose.paths import off_every_path
 from cmsreduce.pipeline.choose.ranked import SizedRows, ranked, ranking_channels, scaling_words, sized_rows
 from cmsreduce.pipeline.choose.selection import Choice, select, truncate
 from cmsreduce.pipeline.choose.sensitivity import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.model import Channel, Joint, JointTerm, Point, PointTerm, Scene, StrutTerm
-from cmsreduce.pipeline.choose.mode_sets import off_every_path
+from cmsreduce.pipeline.choose.paths import off_every_path
 
 BODIES = ("a", "b", "c", "d")
 

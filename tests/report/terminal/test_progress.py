@@ -4,7 +4,7 @@ import io
 
 from rich.console import Console
 
-from cmsreduce.report.terminal.output import Bar, Lines, Several, watch
+from cmsreduce.report.terminal.progress import Bar, Lines, Several, watch
 
 
 class Clock:
