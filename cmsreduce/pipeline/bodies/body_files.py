@@ -1,66 +1,22 @@
-"""Files of bodies, sorted by content: which matrix is the stiffness, which is the mass, and of which deck."""
+"""Files of bodies, sorted by content: the matrices of each deck or mesh."""
 
 from __future__ import annotations
 
 import glob
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from cmsreduce.config import BodyDraft
 from cmsreduce.errors import ReadError
-from cmsreduce.model import DofTable, Nodes, rigid_body_shapes
-from cmsreduce.read import (
-    FORMATS,
-    LOUD,
-    QUIET,
-    FileKind,
-    Geometry,
-    LabelledMatrix,
-    file_kind,
-    matrix_names,
-    quiet_share,
-    read_geometry,
-    read_matrix,
-    sha256_of,
-)
+from cmsreduce.pipeline.bodies.matrix_roles import Candidate, matrices_of, stiffness_and_mass
+from cmsreduce.read import FileKind, Geometry, LabelledMatrix, file_kind, read_geometry, sha256_of
 
 __all__ = ["bodies_of_files", "body_names", "deck_beside"]
 
-_SUFFIXES = {"k": ".sti", "m": ".mas"}
 # An input file of CalculiX has more than its results; what else has nodes comes in alphabetical order.
 _SUFFIXES_OF_DECKS = (".inp", ".bdf", ".dat", ".nas")
-_WORDS = {"k": "stiffness", "m": "mass"}
-
-
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """A square matrix, with the evidence for what it is."""
-
-    matrix: LabelledMatrix
-    name: str
-    quiet: float
-    massive: bool
-
-    @property
-    def source(self) -> tuple[Path, str]:
-        return self.matrix.path, self.name
-
-    @property
-    def words(self) -> str:
-        return f"{self.name} in {self.matrix.path}" if self.name else str(self.matrix.path)
-
-    def called(self, letter: str) -> bool:
-        """True if the matrix, or else its file, has the name of a stiffness (k) or of a mass (m)."""
-        stem = self.matrix.path.stem.lower()
-        # A matrix in a struct of MATLAB has the name of its field.
-        name = self.name.lower().rpartition(".")[2] or stem
-        file = not self.name and (self.matrix.path.suffix.lower() == _SUFFIXES[letter] or _WORDS[letter][:4] in stem)
-        return file or name.startswith((letter, _WORDS[letter][:4]))
 
 
 def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
@@ -96,7 +52,7 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
         shapes, notes = every_shape, ()
     rows = _rows(kinds, len(shapes))
     geometries = {path: read_geometry(path) for path in shapes}
-    matrices = {path: _matrices(path, rows, geometries.values()) for path in sources}
+    matrices = {path: matrices_of(path, rows, geometries.values()) for path in sources}
     command = f"cmsreduce new {name} STIFFNESS MASS DECK"
     if not any(matrices.values()):
         given = ", ".join(f"{path} ({kind.words})" for path, kind in kinds.items())
@@ -105,7 +61,7 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
         every, copies = _each_once(sources)
         shape = geometries[shapes[0]] if shapes else None
         own = [one for path in every for one in matrices[path]]
-        return [replace(_body(name, own, shape, notes + copies, command), rows=rows)]
+        return [replace(stiffness_and_mass(name, own, shape, notes + copies, command), rows=rows)]
     owners = {path: _owner(path, matrices[path], geometries, list(kinds)) for path in sources}
     bodies = []
     for path, label in zip(shapes, body_names(shapes), strict=True):
@@ -117,7 +73,7 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
                 f"its deck: cmsreduce new {name} K1 M1 DECK1 K2 M2 DECK2"
             )
         own = [one for source in every for one in matrices[source]]
-        bodies.append(_body(label, own, geometries[path], notes + copies, command))
+        bodies.append(stiffness_and_mass(label, own, geometries[path], notes + copies, command))
         notes = ()
     return bodies
 
@@ -188,55 +144,7 @@ def _has_others(kinds: Mapping[Path, FileKind]) -> bool:
     return any(kind.matrices and not kind.geometry for kind in kinds.values())
 
 
-def _matrices(path: Path, rows: Path | None, geometries: Iterable[Geometry]) -> list[_Candidate]:
-    """Square matrices of a file, with the evidence that each known table of rows gives."""
-    named = FORMATS[file_kind(path).matrices].named
-    names: list[str | None] = [None]
-    if named:
-        square = [info for info in matrix_names(path) if info.rows == info.cols > 0]
-        # Programs write scalars as matrices of one row.
-        names = [info.name for info in square if info.rows > 1 or len(square) <= 2]
-    found = []
-    for each in names:
-        try:
-            matrix = read_matrix(path, each, dofs=rows)
-        except ReadError:
-            if len(names) == 1:
-                raise
-            # One of several names in a file, such as a complex matrix of a response.
-            continue
-        if matrix.A.shape[0] == matrix.A.shape[1]:
-            tables = [table for one in geometries for table in _translations(matrix, one)]
-            shares = [quiet_share(matrix.A, T) for T in tables or _patterns(matrix)]
-            diagonal = matrix.A.diagonal()
-            massive = bool((diagonal >= 0).all() and (diagonal > 0).any())
-            found.append(_Candidate(matrix, each or "", max(shares, default=0.0), massive))
-    return found
-
-
-def _translations(matrix: LabelledMatrix, geometry: Geometry) -> list[NDArray[np.float64]]:
-    """Translations in the rows of a matrix, for each table of a geometry that it may have."""
-    n = matrix.A.shape[0]
-    tables = [matrix.dofs] if matrix.dofs is not None else [each for each in geometry.rows.values() if len(each) == n]
-    return [_shapes(table, geometry.nodes) for table in tables]
-
-
-def _shapes(dofs: DofTable, nodes: Nodes | None) -> NDArray[np.float64]:
-    if nodes is not None and len(nodes) and (nodes.index(dofs.node[dofs.component > 0]) >= 0).all():
-        return rigid_body_shapes(dofs, nodes)[:, :3]
-    return np.asarray(dofs.component[:, None] == np.arange(1, 4), dtype=np.float64)
-
-
-def _patterns(matrix: LabelledMatrix) -> list[NDArray[np.float64]]:
-    """Translations where no geometry names the rows: by the labels, or three or six dofs at every node."""
-    if matrix.dofs is not None:
-        return [_shapes(matrix.dofs, None)]
-    n = matrix.A.shape[0]
-    row, axes = np.arange(n)[:, None], np.arange(3)
-    return [np.asarray(row % count == axes, dtype=np.float64) for count in (3, 6) if n % count == 0]
-
-
-def _owner(path: Path, own: Sequence[_Candidate], geometries: Mapping[Path, Geometry], order: Sequence[Path]) -> Path:
+def _owner(path: Path, own: Sequence[Candidate], geometries: Mapping[Path, Geometry], order: Sequence[Path]) -> Path:
     """Deck of a file of matrices: of its stem, the only one that it fits, or the next one on the command line."""
     stem = [shape for shape in geometries if shape.stem.lower() == path.stem.lower()]
     fits = [shape for shape, geometry in geometries.items() if any(_fits(one.matrix, geometry) for one in own)]
@@ -265,95 +173,3 @@ def body_names(shapes: Sequence[Path]) -> list[str]:
         base = f"{base}_body" if base.lower() == "system" else base
         labels.append(next(name for k in range(len(shapes)) if (name := f"{base}{k + 1 if k else ''}") not in labels))
     return labels
-
-
-def _body(
-    name: str, every: Sequence[_Candidate], geometry: Geometry | None, notes: tuple[str, ...], command: str
-) -> BodyDraft:
-    """Stiffness and mass among the matrices of a body."""
-    sizes = [len(table) for table in geometry.rows.values()] if geometry is not None else []
-    fitting = [
-        one for one in every if geometry is None or one.matrix.dofs is not None or one.matrix.A.shape[0] in sizes
-    ]
-    # Files that fit no deck are compared all the same: the draft says that they do not fit.
-    candidates = fitting or list(every)
-    stiff = [one for one in candidates if one.quiet >= QUIET]
-    heavy = [one for one in candidates if one.quiet <= LOUD and one.massive]
-    held = ", ".join(one.words for one in every)
-    if stiff and not heavy and len(stiff) == len(candidates):
-        same = _twice(stiff)
-        raise ReadError(
-            f"no mass among the matrices found: {held}. Translations cost no force in any of them, as in a "
-            f"stiffness{same}; name the mass too: {command}"
-        )
-    if heavy and not stiff and len(heavy) == len(candidates) and not _by_name(heavy):
-        raise ReadError(
-            f"no stiffness among the matrices found: {held}. Translations cost force in all rows of each, as in a "
-            f"mass{_twice(heavy)}; name the stiffness too, and the deck or mesh that both came from: {command}"
-        )
-    K, M = _pair(stiff, candidates) or (_chosen(stiff or candidates, "k"), _chosen(heavy or candidates, "m"))
-    if K is None or M is None or K is M:
-        what = _WORDS["k" if K is None else "m"]
-        raise ReadError(
-            f"no matrix is clearly the {what}; matrices found: {held}. Their content does not tell, so the name of the "
-            f"matrix, or that of its file, should begin with K or M. Name the two alone: {command}"
-        )
-    notes = (*notes, *_rivals(K, stiff or candidates, "k"), *_rivals(M, heavy or candidates, "m"))
-    if stiff and heavy and K.called("m") and M.called("k"):
-        notes = (
-            *notes,
-            f"the names are exchanged: {K.words} is the stiffness, since a translation costs no force, and {M.words} "
-            "is the mass; they are taken by their content",
-        )
-    shape = None if geometry is None else geometry.path
-    return BodyDraft(name, K.source, M.source, shape, notes=notes, damping=_damping(K, every))
-
-
-def _damping(K: _Candidate, every: Sequence[_Candidate]) -> tuple[Path, str] | None:
-    """Matrix D, or C, beside K in one file of named matrices."""
-    beside = {one.name: one.source for one in every if one.matrix.path == K.matrix.path and one is not K}
-    prefix, dot, own = K.name.rpartition(".")
-    called = [prefix + dot + letter for letter in "dDcC"] if own.lower() == "k" else []
-    return next((beside[name] for name in called if name in beside), None)
-
-
-def _rivals(chosen: _Candidate, found: Sequence[_Candidate], letter: str) -> tuple[str, ...]:
-    """Note on other matrices with the content and the name of the chosen one."""
-    others = ", ".join(one.words for one in found if one is not chosen and one.called(letter))
-    if not others:
-        return ()
-    return (f"taken as the {_WORDS[letter]}: {chosen.words}; by content and name these could be it, too: {others}",)
-
-
-def _twice(found: Sequence[_Candidate]) -> str:
-    """Remark that two matrices are one."""
-    for k, one in enumerate(found):
-        for other in found[:k]:
-            A, B = one.matrix.A, other.matrix.A
-            if A.shape == B.shape and A.nnz == B.nnz and not abs(A - B).sum():
-                return f", and {other.words} has the same numbers as {one.words}"
-    return ""
-
-
-def _by_name(found: Sequence[_Candidate]) -> bool:
-    return any(one.called("k") for one in found) and any(one.called("m") for one in found)
-
-
-def _pair(stiff: Sequence[_Candidate], every: Sequence[_Candidate]) -> tuple[_Candidate, _Candidate] | None:
-    """First stiffness and its mass among matrices of several superelements, which are numbered alike in one file."""
-    for K in stiff:
-        name, numbered, number = K.name.rpartition("#")
-        if numbered and K.called("k"):
-            wanted = {f"{letter}{name[1:]}#{number}" for letter in "mM"}
-            for M in every:
-                same = M.matrix.path == K.matrix.path and M.matrix.A.shape == K.matrix.A.shape
-                if M.name in wanted and M.massive and same:
-                    return K, M
-    return None
-
-
-def _chosen(found: Sequence[_Candidate], letter: str) -> _Candidate | None:
-    """The only candidate, or the first with the name; the content has left no other difference."""
-    if len(found) == 1:
-        return found[0]
-    return next((one for one in found if one.called(letter)), None)

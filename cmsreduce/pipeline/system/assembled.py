@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar, cast
 
@@ -29,19 +29,17 @@ from cmsreduce.assemble import (
 )
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
-from cmsreduce.model import Configuration, Matrix, Scene, Substructure, System
+from cmsreduce.model import Configuration, Scene, Substructure, System
 from cmsreduce.pipeline.store import diagnostic, once
+from cmsreduce.pipeline.system.resonances import DampedModes, Resonances, by_body, modal_weights
 from cmsreduce.verify import decibel_grid
 
 __all__ = [
     "AssembledModel",
-    "DampedModes",
-    "Resonances",
     "highest_frequency",
     "highest_omega",
 ]
 
-Number = TypeVar("Number", np.float64, np.complex128)
 P = ParamSpec("P")
 Result = TypeVar("Result")
 
@@ -58,39 +56,6 @@ _DENSE = 1500
 _NO_DAMPING = 5e-6
 # Grids of one band end at the same frequency to rounding.
 _SAME_BAND = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Resonances:
-    """Elastic modes of a system.
-
-    Parameters
-    ----------
-    omega, zeta : (k,) float64
-        Natural frequencies in rad/s and damping ratios (diagonal of the damping in these modes).
-    shapes : mapping of body to (m_i, k) float64
-        Shapes in each body's own coordinates.
-    """
-
-    omega: NDArray[np.float64]
-    zeta: NDArray[np.float64]
-    shapes: Mapping[str, NDArray[np.float64]]
-
-
-@dataclass(frozen=True, eq=False)
-class DampedModes:
-    """Complex modes of a system without its overdamped motions.
-
-    Parameters
-    ----------
-    s : (k,) complex128
-        Roots in rad/s.
-    shapes : mapping of body to (m_i, k) complex128
-        Shapes in each body's own coordinates, of unit length in the system's mass.
-    """
-
-    s: NDArray[np.complex128]
-    shapes: Mapping[str, NDArray[np.complex128]]
 
 
 def _with_parameters(
@@ -181,10 +146,10 @@ class AssembledModel:
         w, Phi = self._modes(configuration)
         zeta = np.zeros(w.size)
         if system.D is not None:
-            zeta += _weights(system.D, Phi) / (2 * w)
+            zeta += modal_weights(system.D, Phi) / (2 * w)
         if system.loss is not None:
-            zeta += _weights(system.loss, Phi) / (2 * w**2)
-        return Resonances(w, zeta, _by_body(system, Phi))
+            zeta += modal_weights(system.loss, Phi) / (2 * w**2)
+        return Resonances(w, zeta, by_body(system, Phi))
 
     @_with_parameters
     @once
@@ -193,7 +158,7 @@ class AssembledModel:
         system = self.system(configuration)
         highest = 2 * np.pi * self.scene.band[1] * _DAMPED_BANDS
         found = damped_modes(system, highest, self._modes(configuration))
-        return None if found is None else DampedModes(found.s, _by_body(system, found.X))
+        return None if found is None else DampedModes(found.s, by_body(system, found.X))
 
     @_with_parameters
     def every_mode(
@@ -348,7 +313,7 @@ class AssembledModel:
         found: list[dict[str, float]] = [{} for _ in modes]
         for name, shapes in self.resonances(configuration).shapes.items():
             some = shapes[:, list(modes)]
-            for each, energy in zip(found, _weights(self.substructures[name].M, some), strict=True):
+            for each, energy in zip(found, modal_weights(self.substructures[name].M, some), strict=True):
                 each[name] = float(energy)
         return found
 
@@ -370,13 +335,3 @@ def highest_frequency(model: AssembledModel, configuration: Configuration) -> fl
     """Highest frequency of a model in Hz; None if it is too large for all its modes."""
     found = highest_omega(model, configuration)
     return None if found is None else found / (2 * np.pi)
-
-
-def _by_body(system: System, X: NDArray[Number]) -> dict[str, NDArray[Number]]:
-    """Shapes of a system in the coordinates of each body."""
-    ends = np.cumsum(list(system.sizes.values()))
-    return dict(zip(system.sizes, np.split(np.asarray(system.T @ X), ends[:-1]), strict=True))
-
-
-def _weights(A: Matrix, Phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.einsum("ij,ij->j", Phi, A @ Phi))

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import column_blocks, symmetric_product
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Substructure, Values, varied
 from cmsreduce.pipeline.store import once
-from cmsreduce.pipeline.system.assembled import AssembledModel, Number
+from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.pipeline.system.resonances import Number
 
 if TYPE_CHECKING:
     from cmsreduce.pipeline.system.comparison import Comparison
