@@ -56,6 +56,9 @@ _MIB = 2.0**20
 # Below this number of rows SuperLU is done before another library is loaded: a whole run of 1080 dofs takes as long
 # with MKL, one of 3060 dofs 0.14 s less.
 _SMALL = 1000
+# Below this number of rows SuperLU is done before compiled loops are loaded: a compact body of 12 000 rows takes it one
+# second more for each factor and loops 0.8 s, once on a machine twenty.
+_COMPILED = 10_000
 LARGE = 50_000
 """From this number of rows on compiled loops save more than the second that they take to load: a multifrontal Cholesky
 factor of 3e4 rows takes 0.1 s less than PARDISO's, and a solve for eight columns half as long, 0.015 s."""
@@ -183,7 +186,8 @@ def _backend(wanted: Backend, n: int, definite: bool) -> Backend:
         if definite and n >= LARGE and installed("multifrontal"):
             return "multifrontal"
         # MUMPS comes last, so it is not tested here: the test takes a second.
-        return "superlu" if n < _SMALL else next(backend for backend in BACKENDS if installed(backend))
+        compiled = n >= _COMPILED or installed("pardiso")
+        return next(b for b in BACKENDS if installed(b)) if n >= _SMALL and compiled else "superlu"
     if wanted != "mumps" and not installed(wanted):
         missing = f": it lacks {lacks()}" if wanted == "multifrontal" else ""
         raise MatrixError(

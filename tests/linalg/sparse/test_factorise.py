@@ -326,6 +326,16 @@ def test_two_threads_give_what_one_gives(backend):
     assert log_det2 == pytest.approx(log_det, rel=1e-14)
 
 
+def test_without_a_library_small_matrices_load_no_compiled_loops(monkeypatch):
+    monkeypatch.setattr("cmsreduce.linalg.sparse.factorisation.installed", lambda backend: backend != "pardiso")
+    monkeypatch.setattr("cmsreduce.linalg.sparse.factorisation._COMPILED", 1500)
+    K = sp.csc_array(sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(1500, 1500)))
+    with solver_settings(SolverSettings()) as settings:
+        factorise(sp.csc_array(K[:-1, :-1]))
+        factorise(K)
+    assert [each.backend for each in settings.work] == ["superlu", "multifrontal"]
+
+
 def test_a_solver_that_is_not_installed_is_named(monkeypatch):
     monkeypatch.setattr("cmsreduce.linalg.sparse.factorisation.installed", lambda backend: backend == "superlu")
     with solver_settings(SolverSettings("cholmod")), pytest.raises(MatrixError, match="'cholmod' is not installed"):
