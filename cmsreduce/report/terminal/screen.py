@@ -59,10 +59,10 @@ def print_screen(run: RunResult, folder: Path, console: Console, made: Sequence[
         print_line(console, worst_error(run))
     for step in next_steps(run) if run.verdict.word == "FAIL" else ():
         print_line(console, f"next: {step}", "bold")
-    shown = _shown_notes(run)
+    shown, more = _notes(run)
     for note in shown:
         print_line(console, f"note: {_cut(note)}", "yellow")
-    if more := len(run.notes) - len(shown):
+    if more:
         print_line(console, f"{plural(more, 'more note')} in the report, and with --verbose")
     if (report := folder / "report.html") in made:
         print_line(console, str(report))
@@ -141,14 +141,19 @@ def _errors(run: RunResult) -> Table:
     return table((words("error"), *heads), rows, edges=False)
 
 
-def _shown_notes(run: RunResult) -> list[str]:
-    """The notes that matter first: what failed alone, channels left out, then notes that name a key to change."""
+def _notes(run: RunResult) -> tuple[list[str], int]:
+    """Notes for the screen, and how many more there are.
+
+    First what failed alone, then channels left out, then notes that name a key to change; none of compared models.
+    """
     failed = [failure.line for failure in run.failures]
-    of_compared = [note for note in run.notes if any(f"'{label}'" in note for label in compared(run))]
-    others = [note for note in run.notes if note not in failed and note not in of_compared]
+    of_run = [note for note in run.notes if note not in failed]
+    of_compared = [note for note in of_run if any(f"'{label}'" in note for label in compared(run))]
+    others = [note for note in of_run if note not in of_compared]
     # A key or a command stands in backticks.
     others.sort(key=lambda note: "`" not in note)
-    return [*failed, *channels_left_out(run), *others][:_NOTES]
+    listed = [*failed, *channels_left_out(run), *others]
+    return listed[:_NOTES], len(listed[_NOTES:]) + len(of_compared)
 
 
 def _cut(text: str) -> str:

@@ -1,11 +1,12 @@
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from cmsreduce.model import RunResult
+from cmsreduce.model import Failure, RunResult
 from cmsreduce.report import print_summary
 
 
@@ -95,6 +96,12 @@ def test_the_screen_has_verdict_bodies_errors_and_three_notes(make_run, tmp_path
     assert "rotor craig-bampton 3 1 of 2" in text
     assert "response error 2 % 5 % PASS spin=45 cone=30" in text
     assert "first by frequency" not in text and "responses:" not in text
+
+
+def test_a_failure_beside_no_note_leaves_no_further_notes(make_run, tmp_path: Path) -> None:
+    run = replace(make_run(), failures=(Failure("the picture 'bode'", "no space left"),))
+    text = printed(run, tmp_path, verbose=False)
+    assert "the picture 'bode'" in text and "more note" not in text
 
 
 def test_everything_comes_before_the_screen(make_run, tmp_path: Path) -> None:
