@@ -6,6 +6,7 @@
     python benchmarks/smallest_model.py --certificates     certificates of 1000 random systems
     python benchmarks/smallest_model.py --visible station  modes of the system that no model within the limits can miss
     python benchmarks/smallest_model.py --search galileo   the search for modes: modes, sets tried, CPU seconds
+    python benchmarks/smallest_model.py --growing          the search for modes at 4 to 32 angles of Galileo
 
 ``--write`` puts the table and the picture into the page.
 """
@@ -26,6 +27,7 @@ sys.path.insert(0, str(ROOT))
 
 from cmsreduce.config import load_pipeline  # noqa: E402
 from cmsreduce.errors import CmsReduceError  # noqa: E402
+from cmsreduce.model import SearchRecord  # noqa: E402
 from cmsreduce.pipeline import Run, Silent  # noqa: E402
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange  # noqa: E402
 from cmsreduce.project import ESTIMATE_FACTOR, keep_combinations, response_certificates, richer_shapes  # noqa: E402
@@ -36,7 +38,6 @@ from tests.two_beams import write_two_beams  # noqa: E402
 
 PAGE, PICTURE = ROOT / "docs" / "smallest-model.md", ROOT / "docs" / "smallest-model.png"
 STORED = ROOT / "tests" / "golden" / "galileo_scene_shapes.npz"
-START, END = "<!-- table -->", "<!-- end of table -->"
 HEADER = "| system | road | shapes | worst frf_error | worst db_error | seconds |\n|---|---|---|---|---|---|"
 ON_PAGE = HEADER.replace(" seconds |", "").replace("---|---|---|---|---|---|", "---|---|---|---|---|")
 SCENE_SHAPES = "scene shapes"
@@ -45,6 +46,8 @@ ASKED = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005)
 SIZES = {"two beams": (4, 5, 6, 7, 8, 9), "galileo": (10, 13, 16, 19, 22), "station": (10, 14, 18, 22, 26)}
 LIMITS = {"two beams": (0.01, 1.0), "galileo": (0.02, 1.0), "station": (0.05, 1.0)}
 COLOURS = {"modes": "#0072B2", "system modes, projected": "#009E73", SCENE_SHAPES: "#D55E00"}
+SEARCH_HEADER = "| configurations | modes | sets tried | CPU seconds | a configuration |\n|---|---|---|---|---|"
+CONFIGURATIONS = (4, 8, 16, 32)
 RANDOM_ANGLES, SYSTEMS = 100, 1000
 
 
@@ -117,9 +120,15 @@ def table(systems: list[str], write: bool) -> None:
                 lines.append(line.rpartition(" | ")[0] + " |")
     if write:
         picture(points)
-        head, _, rest = PAGE.read_text().partition(START)
-        tail = rest.partition(END)[2]
-        PAGE.write_text(f"{head}{START}\n" + "\n".join(lines) + f"\n{END}{tail}")
+        put("table", lines)
+
+
+def put(mark: str, lines: list[str]) -> None:
+    """Replace what stands between two marks of the page."""
+    start, end = f"<!-- {mark} -->", f"<!-- end of {mark} -->"
+    head, _, rest = PAGE.read_text().partition(start)
+    tail = rest.partition(end)[2]
+    PAGE.write_text(f"{head}{start}\n" + "\n".join(lines) + f"\n{end}{tail}")
 
 
 def whole_range(settings: list[str]) -> None:
@@ -156,8 +165,8 @@ def held_in_range(hundreds: int) -> None:
             )
 
 
-def searched(system: str, settings: list[str]) -> None:
-    """The search for the fewest modes within the limits, with its CPU seconds and the load of the machine."""
+def search_of(system: str, settings: list[str]) -> tuple[SearchRecord, float]:
+    """The search for the fewest modes within the limits, and its CPU seconds."""
     with tempfile.TemporaryDirectory() as folder:
         run = opened(system, Path(folder), "balance={keep: limits}", *settings)
         _ = run.ranked, run.comparison
@@ -165,10 +174,30 @@ def searched(system: str, settings: list[str]) -> None:
         search = run.choice.search
         seconds = time.process_time() - started
     assert search is not None
+    return search, seconds
+
+
+def searched(system: str, settings: list[str]) -> None:
+    """The search with its CPU seconds and the load of the machine."""
+    search, seconds = search_of(system, settings)
     print(
         f"{system}: {search.words}; {search.candidates} sets tried in {seconds:.1f} CPU s, load of the machine "
         f"{os.getloadavg()[0]:.0f}"
     )
+
+
+def growing(write: bool) -> None:
+    """Search time against the number of configurations of Galileo: spin angles at even distances, two cone angles."""
+    lines = [SEARCH_HEADER]
+    search_of("galileo", [])  # Imports and first allocations belong to no row.
+    for count in CONFIGURATIONS:
+        spin = ", ".join(f"{each:g}" for each in np.arange(count // 2) * 720 / count)
+        search, seconds = search_of("galileo", [f"scene.articulation={{spin: [{spin} deg], cone: [0, 30 deg]}}"])
+        each = seconds / count
+        lines.append(f"| {count} | {search.modes} | {search.candidates} | {seconds:.1f} | {each:.2f} |")
+        print(lines[-1], flush=True)
+    if write:
+        put("searches", lines)
 
 
 def visible(system: str) -> None:
@@ -225,6 +254,8 @@ if __name__ == "__main__":
         certificates()
     elif "--visible" in arguments:
         visible(arguments[-1])
+    elif "--growing" in arguments:
+        growing("--write" in arguments)
     elif "--search" in arguments:
         searched(next(each for each in arguments if each in LIMITS), [each for each in arguments if "=" in each])
     else:

@@ -32,6 +32,8 @@ Order = list[int]
 _SLACK = 1.2
 # The groups predicted to be dispensable together are halved this often before groups are tried one by one.
 _HALVES = 4
+# Part of a bracket below which the next set is tried.
+_SECTION = 4
 # Groups of either side that take part in exchanges, the best by their own effect, and exchanges tried at a time.
 _PARTNERS, _TRIALS = 24, 6
 # An exchange is made if it lowers the error by this share, and at most so many are made one after another.
@@ -242,9 +244,11 @@ class _Search:
         """First groups of a list that meet the limit; None if these are not fewer modes than in another set."""
         sizes = np.concatenate([[0], np.cumsum(self.sizes[order])])
         most = int(np.count_nonzero(sizes < self.modes(below)))
-        if not most or not self._passes(frozenset(order[: most - 1])):
-            return below if len(below) == len(order) else None
-        return frozenset(order[: _first(most - 1, lambda k: self._passes(frozenset(order[:k])))])
+        if len(below) < len(order):
+            most -= 1
+            if most < 0 or not self._passes(frozenset(order[:most])):
+                return None
+        return frozenset(order[: _first(most, lambda k: self._passes(frozenset(order[:k])))])
 
     def _settled(self, kept: frozenset[int]) -> frozenset[int]:
         """Exchange and leave out modes until nothing is gained."""
@@ -306,12 +310,13 @@ class _Search:
 
     def _exchanged(self, kept: frozenset[int], among: Order, most: int) -> frozenset[int] | None:
         """Find a set of at most so many modes with one group exchanged and a smaller error."""
-        error = self._error(kept, np.inf)
         out, into = ([k for k in among if (k in kept) is inside] for inside in (True, False))
         left = most - self.modes(kept)
         sets = [(a, b) for a in out for b in into if self.sizes[b] - self.sizes[a] <= left]
-        limit = (1 - _GAIN) * error
         effects = self.judge.effects(self.selection(kept), self.groups)
+        # The set breaks the limit: a few frequencies tell by how much.
+        present = float(effects.predicted(np.empty((1, 0), dtype=np.int64))[0])
+        limit = (1 - _GAIN) * present
         for _, pair in self._promising(effects, sets, limit):
             other = kept ^ set(pair)
             if self._error(other, limit) <= limit:
@@ -345,9 +350,12 @@ def _unreachable(finding: Finding, modes: int, *, all_of_them: bool, of_response
 
 
 def _first(high: int, passes: Callable[[int], bool]) -> int:
-    """A number up to ``high``, which passes, after one that does not; by bisection."""
+    """A number up to ``high``, which passes, after one that does not; by sections nearer to the low end.
+
+    A set that fails is refused in the first configuration; one that passes is measured in all of them.
+    """
     low = -1
     while high - low > 1:
-        middle = (low + high) // 2
+        middle = low + max(1, (high - low) // _SECTION)
         low, high = (low, middle) if passes(middle) else (middle, high)
     return high

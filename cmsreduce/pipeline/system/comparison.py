@@ -109,7 +109,9 @@ class Comparison:
         grid = frequency_grid(self.scene.band, self.points, omega, zeta, _COARSE if quick else 1)
         return _thinned(grid, omega, zeta)
 
-    def errors(self, models: Mapping[str, ReducedModel], progress: Progress) -> tuple[ConfigurationResult, ...]:
+    def errors(
+        self, models: Mapping[str, ReducedModel], progress: Progress, *, damped: bool = True
+    ) -> tuple[ConfigurationResult, ...]:
         """Errors and curves of several models in every configuration.
 
         Parameters
@@ -118,27 +120,31 @@ class Comparison:
             The run's own model first.
         progress : Progress
             Reported after each group of configurations.
+        damped : bool
+            Pair the complex modes, too, for the errors of damping ratios.
         """
         results: list[ConfigurationResult] = []
         for some in self._groups():
-            results += self.measured(some, models)
+            results += self.measured(some, models, damped=damped)
             progress.advance(len(results), len(self.scene.configurations))
         return tuple(results)
 
     def measured(
-        self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]
+        self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel], *, damped: bool = True
     ) -> list[ConfigurationResult]:
         """Errors and curves in some configurations; one that fails is missing."""
         if len(configurations) > 1:
             # If one of them fails, by any error, all are measured one by one, and the error is met again and recorded.
             with suppress(Exception):
-                return list(self.at(configurations, models))
-        found = [self._alone(configuration, models) for configuration in configurations]
+                return list(self.at(configurations, models, damped=damped))
+        found = [self._alone(configuration, models, damped) for configuration in configurations]
         return [each for each in found if each is not None]
 
-    @diagnostic("the verification in '{}'", about=lambda own, configuration, models: configuration.name, limits=ERRORS)
-    def _alone(self, configuration: Configuration, models: Mapping[str, ReducedModel]) -> ConfigurationResult | None:
-        (found,) = self.at([configuration], models)
+    @diagnostic("the verification in '{}'", about=lambda own, configuration, *_: configuration.name, limits=ERRORS)
+    def _alone(
+        self, configuration: Configuration, models: Mapping[str, ReducedModel], damped: bool
+    ) -> ConfigurationResult | None:
+        (found,) = self.at([configuration], models, damped=damped)
         return found
 
     def targets(
@@ -239,7 +245,7 @@ class Comparison:
         ]
 
     def at(
-        self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]
+        self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel], *, damped: bool = True
     ) -> tuple[ConfigurationResult, ...]:
         """Errors and curves of several models in some configurations, the run's own model first."""
         own_label = next(iter(models))
@@ -258,7 +264,7 @@ class Comparison:
         curves: list[dict[str, Complex]] = [{} for _ in configurations]
         for number, (label, model) in enumerate(models.items()):
             measure = self._compared if number else self._of_model
-            found, seconds = measure(label, model, targets, full_db)
+            found, seconds = measure(label, model, targets, full_db, damped)
             if number == 0:
                 self.reduced_seconds += seconds
             for k, (error, H_r) in enumerate(found):
@@ -287,12 +293,12 @@ class Comparison:
 
     @diagnostic("the comparison with '{}'", lambda: ([], 0.0), about=lambda own, label, *_: label, whole=True)
     def _compared(
-        self, label: str, model: ReducedModel, targets: Sequence[Target], full_db: Sequence[Complex]
+        self, label: str, model: ReducedModel, targets: Sequence[Target], full_db: Sequence[Complex], damped: bool
     ) -> tuple[list[tuple[ModelErrors, Complex]], float]:
-        return self._of_model(label, model, targets, full_db)
+        return self._of_model(label, model, targets, full_db, damped)
 
     def _of_model(
-        self, label: str, model: ReducedModel, targets: Sequence[Target], full_db: Sequence[Complex]
+        self, label: str, model: ReducedModel, targets: Sequence[Target], full_db: Sequence[Complex], damped: bool
     ) -> tuple[list[tuple[ModelErrors, Complex]], float]:
         """Errors and response of a model in each configuration, and the wall time of its responses."""
         configurations, grids = [target.configuration for target in targets], [target.omega for target in targets]
@@ -304,7 +310,8 @@ class Comparison:
         found = []
         for k, (target, H_r) in enumerate(zip(targets, responses, strict=True)):
             in_db = db_errors(full_db[k], reduced_db[k], target.row, target.column)
-            found.append((model_errors(self, target, model, H_r, in_db, each * target.omega.size), H_r))
+            errors = model_errors(self, target, model, H_r, in_db, each * target.omega.size, damped=damped)
+            found.append((errors, H_r))
         return found, seconds
 
     @property

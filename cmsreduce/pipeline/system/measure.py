@@ -130,7 +130,7 @@ class ModelMeasure:
         """
         limits = self.limits if limits is None else limits
         with collecting(Failures()) as failures:
-            results = self.comparison.errors({MODEL: model}, Silent())
+            results = self.comparison.errors({MODEL: model}, Silent(), damped="damping_error" in limits)
             apart = self.errors_between(model) if between and "frf_error" in limits else None
             found = self._judged(results, components, model, limits, self.scene.configurations, truncated)
             return replace(found, between=apart, failures=tuple(failures))
