@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -63,6 +64,15 @@ def cells_for(dofs: float) -> tuple[int, int, int]:
     return round(17.8 * across), across, across
 
 
+def write_grids(path: Path, ids: NDArray[np.int64], xyz: NDArray[np.float64]) -> None:
+    """Deck of GRID cards."""
+    with path.open("w") as file:
+        file.write("BEGIN BULK\n")
+        for node, (x, y, z) in zip(ids.tolist(), xyz.tolist(), strict=True):
+            file.write(f"GRID*   {node:16d}{'':16}{x:16.9E}{y:16.9E}\n*       {z:16.9E}\n")
+        file.write("ENDDATA\n")
+
+
 def write_bar(folder: Path, name: str, cells: tuple[int, int, int], start: float) -> str:
     """Files of a bar that begins at x = start; its component in the pipeline."""
     body = free_bar(cells, SIDES)
@@ -71,11 +81,7 @@ def write_bar(folder: Path, name: str, cells: tuple[int, int, int], start: float
     sp.save_npz(folder / f"{name}.K.npz", body.K, compressed=False)
     sp.save_npz(folder / f"{name}.M.npz", body.M, compressed=False)
     (folder / f"{name}.txt").write_text("\n".join(body.dofs.labels))
-    with (folder / f"{name}.bdf").open("w") as file:
-        file.write("BEGIN BULK\n")
-        for node, (x, y, z) in zip(body.nodes.id, xyz, strict=True):
-            file.write(f"GRID*   {node:16d}{'':16}{x:16.9E}{y:16.9E}\n*       {z:16.9E}\n")
-        file.write("ENDDATA\n")
+    write_grids(folder / f"{name}.bdf", body.nodes.id, xyz)
     ends = [body.nodes.id[abs(xyz[:, 0] - x) < 1e-9].tolist() for x in (start, start + SIDES[0])]
     return COMPONENT.format(name=name, root=ends[0], tip=ends[1])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import hashlib
 import struct
@@ -14,7 +15,17 @@ from pathlib import Path
 
 from cmsreduce.errors import ReadError
 
-__all__ = ["LIBRARY_ERRORS", "is_med", "is_text", "read_head", "read_text", "reading", "require_file", "sha256_of"]
+__all__ = [
+    "LIBRARY_ERRORS",
+    "is_med",
+    "is_text",
+    "read_head",
+    "read_lines",
+    "read_text",
+    "reading",
+    "require_file",
+    "sha256_of",
+]
 
 LIBRARY_ERRORS = (
     # scipy, h5py, zipfile and pyYeti trust the sizes, types and offsets in a file, so that one wrong byte can raise any
@@ -146,6 +157,12 @@ def read_text(path: Path, subject: str = "") -> str:
         return path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise ReadError(f"{subject or f'{path}:'} cannot be read: {error.strerror or error}") from error
+
+
+def read_lines(path: Path) -> bytes:
+    """Bytes of a text, whose lines end with a newline whatever the system that wrote it; without a mark of UTF-8."""
+    text = path.read_bytes().removeprefix(codecs.BOM_UTF8)
+    return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
 
 
 def sha256_of(path: Path) -> str:

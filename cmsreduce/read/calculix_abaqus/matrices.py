@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, DofTable
 from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
-from cmsreduce.read.files import is_text, read_text
+from cmsreduce.read.files import is_text, read_lines, read_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size, mirrored
 from cmsreduce.read.matrices import COORDINATE, LABELLED, read_entries
@@ -29,6 +29,7 @@ LONGEST_ID = 15
 """Digits of a node id: ids become keys of dofs in 64-bit integers."""
 
 _SKIPPED = "#%$*"  # first characters of comments, and of keywords of Abaqus
+_MARKS = tuple(mark.encode() for mark in _SKIPPED)
 _PLAIN_LIST = re.compile(r"(?:[0-9]{1,15}\.[0-6]\n)+[0-9]{1,15}\.[0-6]\n?")
 _DOF = re.compile(r"(\d+)(?:\s*[.,;]\s*|\s+)([0-6])")
 
@@ -55,8 +56,7 @@ def _coordinate_matrices(path: Path, format: str) -> list[StoredMatrix]:
 def _load(path: Path, format: str) -> LabelledMatrix:
     """Read the matrix of a coordinate text, labelled or not."""
     text, symmetric = _entries_only(path)
-    start = text.lstrip()[:500].split("\n", 1)[0]
-    if LABELLED.matches(start):
+    if LABELLED.begins(text):
         return _load_labelled(path, format, text, symmetric)
     where, value, printed = read_entries(path, text, COORDINATE)
     if where.min() < 1:
@@ -71,7 +71,7 @@ def _load(path: Path, format: str) -> LabelledMatrix:
     return LabelledMatrix(mirrored(A), path.stem, path, format, rounding_of_printed(printed))
 
 
-def _load_labelled(path: Path, format: str, text: str, symmetric: bool) -> LabelledMatrix:
+def _load_labelled(path: Path, format: str, text: bytes, symmetric: bool) -> LabelledMatrix:
     """Read entries that name nodes and dofs; the rows are sorted by node and dof."""
     where, value, printed = read_entries(path, text, LABELLED)
     node, dof = where[:, ::2], where[:, 1::2]
@@ -89,20 +89,20 @@ def _load_labelled(path: Path, format: str, text: str, symmetric: bool) -> Label
     return LabelledMatrix(A, path.stem, path, format, rounding_of_printed(printed), dofs)
 
 
-def _entries_only(path: Path) -> tuple[str, bool]:
+def _entries_only(path: Path) -> tuple[bytes, bool]:
     """Text without comments and keywords, and whether one triangle may represent both.
 
     Their lines become empty, so that the other lines keep their numbers.
     """
-    text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    text = read_lines(path)
     symmetric = True
-    if any(mark in text for mark in _SKIPPED):
-        lines = text.split("\n")
-        keywords = [line.upper().replace(" ", "") for line in lines if line.startswith("*MATRIX")]
-        if sum("MATRIXINPUT" in line for line in keywords) > 1:
+    if any(mark in text for mark in _MARKS):
+        lines = text.split(b"\n")
+        keywords = [line.upper().replace(b" ", b"") for line in lines if line.startswith(b"*MATRIX")]
+        if sum(b"MATRIXINPUT" in line for line in keywords) > 1:
             raise ReadError(f"{path}: holds several *MATRIX INPUT blocks; write each matrix to a file of its own")
-        symmetric = not any("TYPE=UNSYMMETRIC" in line for line in keywords)
-        text = "\n".join("" if line.lstrip()[:1] in _SKIPPED and line.strip() else line for line in lines)
+        symmetric = not any(b"TYPE=UNSYMMETRIC" in line for line in keywords)
+        text = b"\n".join(b"" if line.lstrip().startswith(_MARKS) else line for line in lines)
     return text, symmetric
 
 
@@ -111,15 +111,18 @@ def _matrix(
 ) -> sp.csc_array:
     """Square matrix of entries at rows and columns from zero; a place may appear once."""
     row, col = where.T
-    place = np.sort(row * n + col)
-    repeated = place[1:][place[1:] == place[:-1]]
-    if repeated.size:
-        i, j = divmod(int(repeated[0]), n)
-        raise ReadError(
-            f"{path}: row {label(i)}, column {label(j)} appears {(place == repeated[0]).sum()} times; a matrix "
-            "names each place once, so the file holds two matrices or the parts of several runs"
-        )
-    return canonical(row, col, value, (n, n))
+    A = canonical(row, col, value, (n, n))
+    # Repeated entries were added; zeros were dropped.
+    if A.nnz < value.size:
+        place = np.sort(row * n + col)
+        repeated = place[1:][place[1:] == place[:-1]]
+        if repeated.size:
+            i, j = divmod(int(repeated[0]), n)
+            raise ReadError(
+                f"{path}: row {label(i)}, column {label(j)} appears {(place == repeated[0]).sum()} times; a matrix "
+                "names each place once, so the file holds two matrices or the parts of several runs"
+            )
+    return A
 
 
 def read_dof_list(path: Path) -> DofTable:

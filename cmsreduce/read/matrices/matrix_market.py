@@ -1,12 +1,11 @@
 """Text with one matrix entry a line, integers and then a value; Matrix Market files, which have such lines.
 
-scipy reads the header of a Matrix Market file, but not the entries: if a file is cut inside a number, scipy's reader
-reads past the end of the file and crashes the process.
+scipy reads the header of a Matrix Market file, and the numbers after the lines have been checked: if a file is cut
+inside a number, scipy's reader reads past the end of the file and crashes the process.
 """
 
 from __future__ import annotations
 
-import io
 import re
 from dataclasses import dataclass
 from functools import partial
@@ -16,21 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.files import reading
+from cmsreduce.read.files import read_lines, reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size
-from cmsreduce.read.printed_numbers import real_number, rounding_of_printed, stops_in_a_number
+from cmsreduce.read.numbers_at_once import INTEGER, REAL, numbers_of
+from cmsreduce.read.printed_numbers import rounding_of_printed, stops_in_a_number
 
 __all__ = ["COORDINATE", "LABELLED", "MATRIX_MARKET", "read_entries"]
 
 _ENDS = 50_000  # characters at each end of a text that show how its numbers are printed
-_INTEGER = r"[+-]?\d{1,15}"  # all of them are exact as doubles
-_REAL = r"(?:[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+|[+-]\d+)?|[+-]?(?i:nan|inf(?:inity)?))"
+_BLANKS = r"[ \t\r]*+"
+_APART = r"[ \t\r,]"
 
 # Sign of the triangle that is left out; real numbers are Hermitian where they are symmetric.
 _MIRROR = {"general": 0.0, "symmetric": 1.0, "hermitian": 1.0, "skew-symmetric": -1.0}
 # Comments and empty lines, then the sizes.
-_HEAD = re.compile(r"(?:[ \t\r]*(?:%[^\n]*)?\n)*[^\n]*\n?")
+_HEAD = re.compile(rb"(?:[ \t\r]*(?:%[^\n]*)?\n)*[^\n]*\n?")
 
 
 @dataclass(frozen=True)
@@ -43,32 +43,41 @@ class EntryLine:
         Appearance of a line, for messages.
     integers : int
         Integers before the value.
-    pattern : re.Pattern
-        Matches a whole line.
+    pattern : str
+        Matches a line without its end.
     """
 
     words: str
     integers: int
-    pattern: re.Pattern[str]
+    pattern: str
 
     def matches(self, line: str) -> bool:
         """True if a line is an entry."""
-        return self.pattern.fullmatch(line) is not None
+        return re.fullmatch(self.pattern, line, re.ASCII) is not None
+
+    def begins(self, text: bytes) -> bool:
+        """True if the first line of a text that is not empty is an entry."""
+        return re.match(rf"\s*{self.pattern}(?:\n|\Z)".encode(), text) is not None
+
+    def matched(self, text: bytes) -> int:
+        """Characters at the start of a text that are whole lines of entries, or empty ones."""
+        found = re.match(f"(?:{self.pattern}\n|{_BLANKS}\n)*+".encode(), text)
+        return 0 if found is None else found.end()
 
 
-COORDINATE = EntryLine("i j value", 2, re.compile(rf"\s*{_INTEGER}[\s,]+{_INTEGER}[\s,]+{_REAL}[\s,]*"))
-LABELLED = EntryLine("node,dof, node,dof, value", 4, re.compile(rf"\s*(?:{_INTEGER}\s*,\s*){{4}}{_REAL}[\s,]*"))
-VALUE = EntryLine("value", 0, re.compile(rf"\s*{_REAL}\s*"))
+COORDINATE = EntryLine("i j value", 2, rf"{_BLANKS}{2 * f'{INTEGER}{_APART}++'}{REAL}{_APART}*+")
+LABELLED = EntryLine("node,dof, node,dof, value", 4, rf"{_BLANKS}{4 * f'{INTEGER}{_BLANKS},{_BLANKS}'}{REAL}{_APART}*+")
+VALUE = EntryLine("value", 0, rf"{_BLANKS}{REAL}{_BLANKS}")
 
 
-def read_entries(path: Path, text: str, line: EntryLine) -> tuple[NDArray[np.int64], NDArray[np.float64], list[str]]:
+def read_entries(path: Path, text: bytes, line: EntryLine) -> tuple[NDArray[np.int64], NDArray[np.float64], list[str]]:
     """Read all entries of a text.
 
     Parameters
     ----------
     path : Path
         File of the text, for messages.
-    text : str
+    text : bytes
         Lines of entries; empty lines are skipped.
     line : EntryLine
         Grammar of every line.
@@ -87,58 +96,30 @@ def read_entries(path: Path, text: str, line: EntryLine) -> tuple[NDArray[np.int
     ReadError
         If there are no entries, a line is no entry (with its number), or the text ends inside a number.
     """
-    printed = _printed_values(text, line.integers + 1)
-    if not printed:
+    whole = text if text.endswith(b"\n") else text + b"\n"
+    end = line.matched(whole)
+    if end < len(whole):
+        number, bad = whole.count(b"\n", 0, end) + 1, whole[end : whole.index(b"\n", end)]
+        cut = " (the last of the file, so it is probably truncated)" if b"\n" not in text[end:] else ""
+        shown = bad.decode("utf-8", errors="replace").strip()[:60]
+        raise ReadError(f"{path}, line {number}{cut}: '{shown}' is not an entry '{line.words}' of real numbers")
+    numbers = numbers_of(whole).reshape(-1, line.integers + 1)
+    if not len(numbers):
         raise ReadError(f"{path}: there are no entries '{line.words}' in it")
-    numbers = _all_at_once(text, line.integers + 1)
-    if numbers is None:
-        numbers = _line_by_line(path, text, line)
-    if not text.endswith("\n") and stops_in_a_number(printed):
+    printed = _printed_values(text)
+    if whole is not text and stops_in_a_number(printed):
         raise ReadError(
             f"{path}: the file ends inside its last number, '{printed[-1]}'; it is truncated: write or copy it again"
         )
     return numbers[:, :-1].astype(np.int64), numbers[:, -1], printed
 
 
-def _printed_values(text: str, width: int) -> list[str]:
+def _printed_values(text: bytes) -> list[str]:
     """Values as printed on the lines at both ends of a text."""
-    lines = text.strip().split("\n")
-    if len(text) > 2 * _ENDS:
-        lines = [*text[:_ENDS].strip().split("\n")[:-1], *text[-_ENDS:].strip().split("\n")[1:]]
-    words = (line.replace(",", " ").split() for line in lines)
-    return [word[width - 1] for word in words if len(word) >= width]
-
-
-def _all_at_once(text: str, width: int) -> NDArray[np.float64] | None:
-    """Numbers [entries, width]; None if any line must be read by ``_line_by_line``."""
-    try:
-        for other, usual in ("DE", "de", ", "):
-            text = text.replace(other, usual)
-        # loadtxt refuses a line with more or fewer numbers than the first.
-        numbers = np.loadtxt(io.StringIO(text), ndmin=2, comments=None)
-    except ValueError:
-        return None
-    where = numbers[:, :-1]
-    exact = (np.abs(where) < 1e15).all() and (where == np.floor(where)).all()
-    return numbers if numbers.shape[1] == width and exact else None
-
-
-def _line_by_line(path: Path, text: str, line: EntryLine) -> NDArray[np.float64]:
-    """Read exponents without a letter, which numpy does not know, and name the first bad line."""
-    rows: list[list[float]] = []
-    lines = text.split("\n")
-    for number, found in enumerate(lines, start=1):
-        if not found.strip():
-            continue
-        if not line.matches(found):
-            cut = " (the last of the file, so it is probably truncated)" if number == len(lines) else ""
-            raise ReadError(
-                f"{path}, line {number}{cut}: '{found.strip()[:60]}' is not an entry '{line.words}' of real numbers"
-            )
-        *where, value = found.replace(",", " ").split()
-        real = real_number(value)
-        rows.append([*map(float, where), float(value) if real is None else real])
-    return np.array(rows, dtype=np.float64)
+    lines = text.strip().split(b"\n") if len(text) <= 2 * _ENDS else []
+    lines = lines or [*text[:_ENDS].strip().split(b"\n")[:-1], *text[-_ENDS:].strip().split(b"\n")[1:]]
+    words = (line.replace(b",", b" ").split() for line in lines)
+    return [word[-1].decode() for word in words if word]
 
 
 def _market_matrices(path: Path) -> list[StoredMatrix]:
@@ -169,11 +150,11 @@ def _load(
     path: Path, shape: tuple[int, int], count: int, array: int | None, symmetry: str, rounded: bool
 ) -> LabelledMatrix:
     """Read the matrix: ``count`` entries with their places, or ``array`` values without places."""
-    text = path.read_text(encoding="utf-8", errors="replace")
+    text = read_lines(path)
     head = _HEAD.match(text)
     end = head.end() if head else 0
     # Lines up to the sizes become empty, so that the other lines keep their numbers.
-    body = "\n" * text.count("\n", 0, end) + text[end:]
+    body = b"\n" * text.count(b"\n", 0, end) + text[end:]
     where, value, printed = read_entries(path, body, COORDINATE if array is None else VALUE)
     expected = count if array is None else array
     if value.size != expected:
@@ -182,8 +163,8 @@ def _load(
             "truncated or two files in one: write or copy it again"
         )
     places = where - 1 if array is None else _array_places(shape, symmetry)
-    outside = ((places < 0) | (places >= shape)).any(axis=1)
-    if outside.any():
+    if places.min() < 0 or (places.max(axis=0) >= shape).any():
+        outside = ((places < 0) | (places >= shape)).any(axis=1)
         i, j = places[outside][0] + 1
         raise ReadError(f"{path}: there is an entry at row {i}, column {j} of a {shape[0]} x {shape[1]} matrix")
     row, col = places.T
