@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import struct
 from array import array
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
@@ -17,13 +17,15 @@ from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, mirrored
 from cmsreduce.read.nastran.op4_binary import BinaryRecords
 from cmsreduce.read.nastran.op4_header import TYPES, Op4Header
-from cmsreduce.read.nastran.op4_printed import PrintedRecords, is_printed_header
-from cmsreduce.read.printed_numbers import real_number
+from cmsreduce.read.nastran.op4_printed import PrintedRecords, PrintedStrings, is_printed_header
 
 __all__ = ["FORMS", "OP4", "SYMMETRIC", "first_record"]
 
 FORMS = {1: "square", 2: "rectangular", 3: "diagonal", 4: "lower", 5: "upper", 6: "symmetric", 8: "identity"}
 SYMMETRIC = 6
+
+Ints = NDArray[np.int64]
+Entries = tuple[Ints, Ints, NDArray[np.float64]]
 # Bytes of numbers that are searched for zeros together: many strings, but little beside a dense file.
 _AT_ONCE = 8_000_000
 
@@ -50,90 +52,72 @@ def _op4_matrices(path: Path) -> list[StoredMatrix]:
     start = read_head(path, 4)
     if len(start) < 4:
         raise ReadError(f"{path}: the OP4 file is truncated: it has no more than {len(start)} bytes")
+    found: list[tuple[Op4Header, PrintedStrings | None]]
     if b"\0" not in start:
-        headers = list(PrintedRecords(path).headers())
+        with PrintedRecords.of(path) as printed:
+            found = list(printed.matrices())
     else:
         with BinaryRecords.of(path) as records:
-            headers = list(records.headers())
+            found = [(header, None) for header in records.headers()]
     return [
         StoredMatrix(
             header.name or f"m{k}",
             TYPES[header.type] + (f", {round(-np.log10(2 * header.rounding))} digits" if header.ascii else ""),
             FORMS.get(header.form, f"form {header.form}"),
             (header.rows, header.cols, None),
-            partial(_load, path, header, header.name or f"m{k}"),
+            partial(_load, path, header, strings, header.name or f"m{k}"),
         )
-        for k, header in enumerate(headers)
+        for k, (header, strings) in enumerate(found)
     ]
 
 
-def _load(path: Path, header: Op4Header, name: str) -> LabelledMatrix:
+def _load(path: Path, header: Op4Header, strings: PrintedStrings | None, name: str) -> LabelledMatrix:
     """Read one matrix."""
-    found = _Strings(header.number)
     with reading(path, f"OP4 matrix '{header.name}'"):
-        if header.ascii:
-            for row, column, count, text in PrintedRecords(path).strings(header):
-                # numpy would take twice the time for these numbers.
-                found.add(row, column, count, array("d", _numbers(text, count, header.width, row, column)).tobytes())
-        else:
-            with BinaryRecords.of(path) as records:
-                for string in records.strings(header):
-                    found.add(*string)
-        A = found.assemble(header.rows, header.cols)
+        parts = list(_binary_entries(path, header) if strings is None else _printed_entries(path, header, strings))
+        row, column, values = (np.concatenate(each) for each in zip(*parts, strict=True))
+        A = canonical(row, column, values, (header.rows, header.cols))
     if header.form == SYMMETRIC:
         A = mirrored(A)
     return LabelledMatrix(A, name, path, "op4", header.rounding)
 
 
-class _Strings:
-    """Strings of numbers of a matrix, collected; the zeros of dense files are dropped in time to save memory."""
+def _printed_entries(path: Path, header: Op4Header, strings: PrintedStrings) -> Iterator[Entries]:
+    with PrintedRecords.of(path) as records:
+        for part, values in records.numbers(header, strings):
+            yield _without_zeros(strings.row[part], strings.count[part], strings.column[part], values)
 
-    def __init__(self, number: str) -> None:
-        self._number = np.dtype(number)
-        self._starts, self._counts, self._columns, self._values = array("q"), array("q"), array("q"), bytearray()
-        self._kept: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
 
-    def add(self, row: int, column: int, count: int, values: bytes) -> None:
-        """Add a string that starts at a row and column counted from zero."""
-        self._starts.append(row)
-        self._counts.append(count)
-        self._columns.append(column)
-        self._values += values
-        if len(self._values) >= _AT_ONCE:
-            self._drop_zeros()
+def _binary_entries(path: Path, header: Op4Header) -> Iterator[Entries]:
+    starts, counts, columns, found = array("q"), array("q"), array("q"), bytearray()
 
-    def assemble(self, rows: int, columns: int) -> sp.csc_array:
-        """Sparse array of all strings."""
-        self._drop_zeros()
-        row, column, values = (np.concatenate(parts) for parts in zip(*self._kept, strict=True))
-        return canonical(row, column, values, (rows, columns))
-
-    def _drop_zeros(self) -> None:
-        starts, counts, columns = (np.array(part, np.int64) for part in (self._starts, self._counts, self._columns))
-        values = np.frombuffer(bytes(self._values), self._number).astype(np.float64)
-        kept = np.flatnonzero(values)
-        # Row of the first number of each string, minus the place of that number among all numbers.
-        ahead = starts - (np.cumsum(counts) - counts)
-        string = np.repeat(np.arange(counts.size), counts)[kept]
-        self._kept.append((kept + ahead[string], columns[string], values[kept]))
-        for part in (self._starts, self._counts, self._columns):
+    def taken() -> Entries:
+        values = np.frombuffer(bytes(found), header.number).astype(np.float64)
+        places = [np.array(part, np.int64) for part in (starts, counts, columns)]
+        entries = _without_zeros(places[0], places[1], places[2], values)
+        for part in (starts, counts, columns):
             del part[:]
-        self._values.clear()
+        found.clear()
+        return entries
+
+    with BinaryRecords.of(path) as records:
+        for row, column, count, content in records.strings(header):
+            starts.append(row)
+            counts.append(count)
+            columns.append(column)
+            found += content
+            if len(found) >= _AT_ONCE:
+                yield taken()
+    yield taken()
 
 
-def _numbers(text: str, count: int, width: int, row: int, column: int) -> list[float]:
-    """Printed numbers of one width."""
-    numbers = [text[at : at + width] for at in range(0, count * width, width)]
-    try:
-        return [float(number) for number in numbers]
-    except ValueError:
-        # Fortran drops the letter of an exponent of three digits, and may write D for E.
-        values = [real_number(number) for number in numbers]
-        if None in values:
-            bad = numbers[values.index(None)].strip()
-            place = f"column {column + 1}, row {row + values.index(None) + 1}"
-            raise ValueError(f"'{bad}' in {place} is not a number") from None
-        return [value for value in values if value is not None]
+def _without_zeros(starts: Ints, counts: Ints, columns: Ints, values: NDArray[np.float64]) -> Entries:
+    """Row, column and value of the numbers of some strings that are not zero; dense files are full of zeros."""
+    kept = np.flatnonzero(values)
+    # Row of the first number of each string, minus the place of that number among all numbers.
+    ahead = starts - (np.cumsum(counts) - counts)
+    string = np.repeat(np.arange(counts.size), counts)[kept]
+    return kept + ahead[string], columns[string], values[kept]
 
 
 def _is_op4(path: Path, head: bytes) -> bool:
