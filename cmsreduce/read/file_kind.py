@@ -156,8 +156,15 @@ _MARKS = (
     _Mark(
         "summary",
         "the summary of a run",
-        _matches(rb"\A\s*\{(?s:.)*\"components\""),
+        # A pipeline in JSON, which is YAML, has no version.
+        _matches(rb"\A\s*\{\s*\"name\"\s*:\s*\"[^\"]*\",\s*\"version\"\s*:"),
         "check it: `cmsreduce check {path}`",
+    ),
+    _Mark(
+        "pipeline",
+        "a pipeline of cmsreduce (JSON)",
+        _matches(rb"\A\s*\{(?s:.)*\"(?:components|scene|include|output)\"\s*:"),
+        "run it: `cmsreduce run {path}`",
     ),
 )
 """Kinds of files that are known and not read, in the order of detection."""

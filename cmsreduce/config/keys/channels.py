@@ -9,9 +9,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
 
 from cmsreduce.config.keys.mapping import (
-    DofNames,
     Flag,
     Keys,
+    Motions,
     Name,
     Number,
     PointName,
@@ -159,8 +159,10 @@ class ActuatorKeys(_ChannelKeys):
 class SensorKeys(_ChannelKeys):
     """An output: motions of a point, of a joint, between two points, or rows."""
 
-    measure: Annotated[DofNames, Field(min_length=1)] | None = Field(
-        default=None, description="Motions measured at the point; each is one output.", examples=[["rx", "ry", "rz"]]
+    measure: Annotated[Motions, Field(min_length=1)] | None = Field(
+        default=None,
+        description="Motions measured at the point; each is one output, in this order.",
+        examples=[["rx", "ry", "rz"]],
     )
     rate: Flag = Field(default=False, description="Measure the rate instead of the motion.", examples=[True])
 

@@ -38,6 +38,7 @@ __all__ = [
     "Keys",
     "Length",
     "LengthVector",
+    "Motions",
     "Name",
     "Number",
     "OneOrMore",
@@ -187,8 +188,8 @@ def _resolve(value: object) -> Path:
     return short if os.path.realpath(short) == os.path.realpath(joined) else joined
 
 
-def _parse_dofs(value: object) -> tuple[str, ...]:
-    """Read names or digits, or a list of them."""
+def _parse_motions(value: object) -> tuple[str, ...]:
+    """Read names or digits, or a list of them, in the order in which they are written."""
     if isinstance(value, str) and value.strip().lower() == "none":
         return ()
     if isinstance(value, bool) or not isinstance(value, (str, int, list, tuple)):
@@ -198,7 +199,11 @@ def _parse_dofs(value: object) -> tuple[str, ...]:
     repeated = [name for k, name in enumerate(names) if name in names[:k]]
     if repeated:
         raise ValueError(f"dof {repeated[0]} is named twice")
-    return tuple(sorted(names, key=DOF_NAMES.index))
+    return tuple(names)
+
+
+def _parse_dofs(value: object) -> tuple[str, ...]:
+    return tuple(sorted(_parse_motions(value), key=DOF_NAMES.index))
 
 
 def parse_point(text: str) -> Point:
@@ -259,6 +264,8 @@ DataPath = Annotated[Path, PlainValidator(_resolve), WithJsonSchema({"type": "st
 """File name, relative to the file it is written in."""
 DofNames = Annotated[tuple[str, ...], BeforeValidator(reported(_parse_dofs)), WithJsonSchema(_DOFS_SCHEMA)]
 """Names x y z rx ry rz, or digits 1 to 6; ``none`` for none."""
+Motions = Annotated[tuple[str, ...], BeforeValidator(reported(_parse_motions)), WithJsonSchema(_DOFS_SCHEMA)]
+"""The same in the order in which they are written, where it is an order of channels."""
 PointName = Annotated[str, AfterValidator(_check_point)]
 """``COMPONENT.INTERFACE``, ``COMPONENT.NODE``, or ``COMPONENT.cg`` of a rigid one."""
 UnitSystem = Annotated[str, AfterValidator(reported(_check_units))]

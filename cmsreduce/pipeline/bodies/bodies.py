@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
 from cmsreduce.config import Pipeline
 from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.eigen import only_motions, rigid_body_modes
+from cmsreduce.linalg.eigen import DEPENDENT, only_motions, rigid_body_modes
 from cmsreduce.linalg.sparse import motions_held
 from cmsreduce.mechanics import Determined, check_connected, hold_undetermined
 from cmsreduce.model import (
@@ -203,7 +203,10 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     ports = _ports(pipeline, determined, rigid, scene)
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
-    shown = proof.motions if proof.status == "proven" and proof.motions and not determined.held else None
+    shown = None
+    if proof.status == "proven" and proof.motions and not determined.held:
+        # Rows along a plane or a line do not show all six.
+        shown = min(proof.motions, _shown_motions(body))
     every = (*proved.proofs, rigid_motions_proof(body, rigid.shape[1], shown))
     proofs = tuple(replace(each, subject=name) for each in every)
     damping = damping_health(body, rigid, reduced=pipeline.reduce_of(name) is not None)
@@ -285,11 +288,7 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
 
 def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
     """Refuse a body that is declared grounded and has as many motions without force as a free one."""
-    shapes = _rigid_shapes(body)
-    if not body.grounded or shapes is None:
-        return
-    free = int(np.linalg.matrix_rank(shapes))
-    if 0 < free <= rigid.shape[1]:
+    if body.grounded and 0 < _shown_motions(body) <= rigid.shape[1]:
         raise DofMapError(
             f"body '{body.name}': `grounded: true` says that the ground holds the body, but its stiffness has "
             f"{rigid.shape[1]} motions without force, as a free body has, and they are not the rigid motions of the "
@@ -300,9 +299,8 @@ def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
 
 def _mechanisms(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
     """Note on motions without energy that are no rigid motions of the geometry."""
-    shapes = _rigid_shapes(body)
     # Constraints that hold only what has no stiffness leave the motions of the geometry free.
-    whole = 0 if shapes is None else int(np.linalg.matrix_rank(shapes))
+    whole = _shown_motions(body)
     if not rigid.shape[1] > whole > 0:
         return []
     return [
@@ -339,3 +337,12 @@ def _check_ports(determined: Determined, ports: Ports) -> None:
 
 def _rigid_shapes(body: FEModel) -> NDArray[np.float64] | None:
     return None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+
+
+def _shown_motions(body: FEModel) -> int:
+    """Rigid motions that move the rows of a body in different ways; 0 without coordinates."""
+    shapes = _rigid_shapes(body)
+    if shapes is None:
+        return 0
+    lengths = np.linalg.norm(shapes, axis=0)
+    return int(np.linalg.matrix_rank(shapes / np.where(lengths > 0, lengths, 1.0), DEPENDENT))

@@ -218,6 +218,8 @@ def test_a_planar_body_is_compared_along_its_rows_only(tmp_path: Path) -> None:
     found = read_flexible(pipeline, "part", build_scene(pipeline))
     check = next(check for check in found.checks if "same mass" in check.name)
     assert check.passed and check.value < 1e-12 and check.note == "only x and y move"
+    motions = next(proof for proof in found.proofs if proof.what == "rigid motions")
+    assert motions.state == "proven" and motions.remark.startswith("3 rigid motions by geometry")
     # Other rows in the mass still show.
     wrong = replace(body, M=permuted(body.M, body, {1: 4, 4: 1}))
     write_deck_body(tmp_path, wrong, [])
