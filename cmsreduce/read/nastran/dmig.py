@@ -6,7 +6,7 @@ pyYeti's reader makes dense frames and lets the last of two values win, so entri
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -15,36 +15,80 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import KEY_STEP, DofTable
-from cmsreduce.read.files import is_text
+from cmsreduce.read.files import is_text, read_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, canonical, mirrored
-from cmsreduce.read.nastran.cards import INTEGER, Card, read_cards
+from cmsreduce.read.nastran.cards import INTEGER, Card, CardTable, Fields, read_cards
 from cmsreduce.read.nastran.op4_header import TYPES
-from cmsreduce.read.printed_numbers import real_number, rounding_of_printed
+from cmsreduce.read.numbers_at_once import integers_of, reals_of
+from cmsreduce.read.printed_numbers import rounding_of_printed
 
 __all__ = ["DMIG", "DMIG_FORMS", "assembled_dmig"]
 
-Keys = NDArray[np.int64]
+Ints = NDArray[np.int64]
 
 _CARD = re.compile(rb"(?:^|\n)[ ]{0,7}DMIG(?:\*|[ ,\t])", re.IGNORECASE)
 DMIG_FORMS = {1: "square", 2: "rectangular", 6: "symmetric", 9: "rectangular"}
 _FIELD = 8  # characters of a small field, which cut the numbers printed in it
 _LINE = 120  # bytes that the last line cannot exceed
+_ENDS = 1000  # numbers at each end of a matrix that show how all are printed
+_BLANK = ord(" ")
 _FIRST, _GROUP = 4, 4  # data fields before the first entry, and of each entry: node, component, real, imaginary
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Dmig:
-    """The cards of one matrix: a header and one card for each column."""
+    """The cards of one matrix: its header, and the cards of its columns by their positions in the table.
 
-    header: Card
+    Parameters
+    ----------
+    name : str
+        Name of the matrix.
+    form, type : int
+        Codes of its header.
+    cards : CardTable
+        All DMIG cards of the file.
+    columns : (c,) int64
+        Those of the columns of this matrix.
+    fields : (m, width) uint8
+        Fields of all cards, as of `CardTable.all_fields`.
+    entry : (k,) int64
+        First field of each entry: node, component, real and imaginary part.
+    counts : (c,) int64
+        Entries of each column.
+    """
+
+    name: str
     form: int
     type: int
-    columns: list[Card] = field(default_factory=list)
+    cards: CardTable
+    columns: Ints
+    fields: Fields
+    entry: Ints
+    counts: Ints
 
-    @property
-    def name(self) -> str:
-        return self.header.text(0)
+    def card(self, entry: int) -> Card:
+        """Card of an entry."""
+        return self.cards[int(self.columns[np.searchsorted(np.cumsum(self.counts), entry, side="right")])]
+
+    def text(self, field: int) -> str:
+        """One of the fields."""
+        characters: bytes = self.fields[field].tobytes()
+        return characters.decode("ascii").strip()
+
+    def integers(self, shift: int, default: int | None, needed: str) -> Ints:
+        """A field of every entry as an integer."""
+        fields = self.fields[self.entry + shift]
+        values, sure = integers_of(fields)
+        if default is not None:
+            blank = (fields == _BLANK).all(axis=1)
+            values[blank], sure[blank] = default, True
+        for k in np.flatnonzero(~sure).tolist():
+            text = self.text(self.entry[k] + shift)
+            if INTEGER.match(text) is None:
+                raise _bad_entry(self, k, text, needed)
+            values[k] = int(text)
+        return values
 
 
 def _dmig_matrices(path: Path) -> list[StoredMatrix]:
@@ -60,47 +104,73 @@ def _dmig_matrices(path: Path) -> list[StoredMatrix]:
         not parse, appears twice with different values, or if a symmetric matrix has two different values across the
         diagonal.
     """
-    found: dict[str, _Dmig] = {}
-    for part in read_cards(path, {"DMIG"}).sections.values():
-        for card in part.get("DMIG", ()):
-            name = card.text(0)
-            if not name:
-                raise ReadError(f"{card.where}: names no matrix; the line is damaged, or the file truncated in it")
-            if card.text(1) == "0":
-                _add_header(found, name, card)
-            elif name in found:
-                found[name].columns.append(card)
-            else:
-                raise ReadError(f"{card.where}: matrix '{name}' has entries before its header DMIG,{name},0,form,type")
-    if not found:
+    sections = read_cards(path, {"DMIG"}).sections.values()
+    cards = CardTable.joined(part["DMIG"] for part in sections if "DMIG" in part)
+    names, which = cards.texts(0)
+    marks, mark = cards.texts(1)
+    is_header = np.array([text == "0" for text in marks])[mark]
+    headers: dict[str, tuple[int, int, Card]] = {}
+    for at in np.flatnonzero(is_header | _first_of_each(which) | (which == 0)).tolist():
+        card, name = cards[at], names[which[at]]
+        if not name:
+            raise ReadError(f"{card.where}: names no matrix; the line is damaged, or the file truncated in it")
+        if is_header[at]:
+            _add_header(headers, name, card)
+        else:
+            raise ReadError(f"{card.where}: matrix '{name}' has entries before its header DMIG,{name},0,form,type")
+    if not headers:
         raise ReadError(f"{path}: there are no DMIG entries in it; name the file that the matrices were punched to")
-    _check_end(path, [card for dmig in found.values() for card in dmig.columns])
+    _check_end(path, cards, is_header)
+    fields, start = cards.all_fields()
+    counts = _entries_of_cards(fields, start)
+    found = []
+    for name, (form, kind, _) in headers.items():
+        columns = np.flatnonzero((which == names.index(name)) & ~is_header)
+        count = counts[columns]
+        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        entry = np.repeat(start[columns] + _FIRST, count) + _GROUP * within
+        found.append(_Dmig(name, form, kind, cards, columns, fields, entry, count))
     return [
         StoredMatrix(
             dmig.name, TYPES[dmig.type], DMIG_FORMS[dmig.form], partial(_size, dmig), partial(_assemble, dmig, path)
         )
-        for dmig in found.values()
+        for dmig in found
     ]
 
 
-def _add_header(found: dict[str, _Dmig], name: str, card: Card) -> None:
+def _first_of_each(which: Ints) -> NDArray[np.bool_]:
+    """True where a number appears for the first time."""
+    out = np.zeros(len(which), dtype=bool)
+    out[np.unique(which, return_index=True)[1]] = True
+    return out
+
+
+def _entries_of_cards(fields: Fields, start: Ints) -> Ints:
+    """Number of entries of each card; blank fields at its end are none."""
+    written = np.flatnonzero((fields != _BLANK).any(axis=1))
+    last = written[np.searchsorted(written, start[1:]) - 1] if written.size else start[:-1]
+    return np.asarray(np.maximum(-(-(last + 1 - start[:-1] - _FIRST) // _GROUP), 0))
+
+
+def _add_header(found: dict[str, tuple[int, int, Card]], name: str, card: Card) -> None:
     """Start a matrix; a second header must be equal to the first."""
     form, kind = card.integer(2), card.integer(3)
     if form not in DMIG_FORMS:
         raise ReadError(f"{card.where}: form {form} of matrix '{name}' is none of 1, 6 (square), 2, 9 (rectangular)")
     if kind not in TYPES:
         raise ReadError(f"{card.where}: type {kind} of matrix '{name}' is none of 1, 2 (real), 3, 4 (complex)")
-    before = found.setdefault(name, _Dmig(card, form, kind))
-    if (before.form, before.type) != (form, kind):
+    *before, first = found.setdefault(name, (form, kind, card))
+    if before != [form, kind]:
         raise ReadError(
-            f"{card.where}: matrix '{name}' has another header in line {before.header.line}, with form {before.form} "
-            f"and type {before.type}; keep one matrix of that name in the file"
+            f"{card.where}: matrix '{name}' has another header in line {first.line}, with form {before[0]} and type "
+            f"{before[1]}; keep one matrix of that name in the file"
         )
 
 
-def _check_end(path: Path, columns: list[Card]) -> None:
+def _check_end(path: Path, cards: CardTable, is_header: NDArray[np.bool_]) -> None:
     """Refuse a file that was cut: its last column has no entries, or its last line has no end."""
-    last = max((card for card in columns if card.path == path), key=lambda card: card.line, default=None)
+    columns = (cards[at] for at in np.flatnonzero(~is_header)[::-1].tolist())
+    last = next((card for card in columns if card.path == path), None)
     if last is not None and len(last.fields) <= _FIRST:
         raise ReadError(f"{last.where}: the last column of '{last.text(0)}' has no entries; the file is truncated")
     with path.open("rb") as file:
@@ -119,85 +189,65 @@ def _size(dmig: _Dmig) -> tuple[int, int, int | None]:
     return rows.size, cols.size, None
 
 
-def _labels(dmig: _Dmig) -> tuple[Keys, Keys, Keys, Keys]:
+def _labels(dmig: _Dmig) -> tuple[Ints, Ints, Ints, Ints]:
     """Keys (``KEY_STEP``) of the row and of the column of each entry, and sorted keys of all rows and columns."""
-    node: list[int] = []
-    component: list[int] = []
-    counts, columns = [], []
-    for card in dmig.columns:
-        column, of_column = card.integer(1), card.integer(2, 0)
-        if not 0 <= of_column <= 6:
-            raise ReadError(f"{card.where}: component {of_column} of column {column} of '{dmig.name}' is not 0..6")
-        columns.append(column * KEY_STEP + of_column)
-        nodes = card.fields[_FIRST::_GROUP]
-        components = card.fields[_FIRST + 1 :: _GROUP]
-        try:
-            if not all(map(INTEGER.match, nodes)):
-                raise ValueError
-            node.extend(map(int, nodes))
-            component.extend(int(text or 0) for text in components)
-        except ValueError:
-            raise _bad_entry(card, [*nodes, *components], "a node id and a component") from None
-        # The card ends before a blank component of a scalar point, if its value is blank, too.
-        component.extend([0] * (len(nodes) - len(components)))
-        counts.append(len(nodes))
-    parts = np.array(component, dtype=np.int64)
-    if parts.size and not 0 <= parts.min() <= parts.max() <= 6:
-        at = int(np.flatnonzero((parts < 0) | (parts > 6))[0])
-        card = dmig.columns[int(np.searchsorted(np.cumsum(counts), at, side="right"))]
-        raise ReadError(f"{card.where}: component {parts[at]} of node {node[at]} is not 0..6")
-    row, keys = np.array(node, dtype=np.int64) * KEY_STEP + parts, np.array(columns, dtype=np.int64)
-    row, keys = _of_points(row, keys)
+    column, of_column = dmig.cards.integers(1)[dmig.columns], dmig.cards.integers(2, 0)[dmig.columns]
+    wrong = np.flatnonzero((of_column < 0) | (of_column > 6))
+    if wrong.size:
+        at = wrong[0]
+        card = dmig.cards[int(dmig.columns[at])]
+        raise ReadError(f"{card.where}: component {of_column[at]} of column {column[at]} of '{dmig.name}' is not 0..6")
+    needed = "a node id and a component"
+    node = dmig.integers(0, None, needed)
+    component = dmig.integers(1, 0, needed)
+    wrong = np.flatnonzero((component < 0) | (component > 6))
+    if wrong.size:
+        at = int(wrong[0])
+        raise ReadError(f"{dmig.card(at).where}: component {component[at]} of node {node[at]} is not 0..6")
+    row, keys = _of_points(node * KEY_STEP + component, column * KEY_STEP + of_column)
     rows, cols = np.unique(row), np.unique(keys)
     if dmig.form in (1, 6):
         # A square matrix has the same dofs as rows and as columns.
         rows = cols = np.union1d(rows, cols)
-    return row, np.repeat(keys, counts), rows, cols
+    return row, np.repeat(keys, dmig.counts), rows, cols
 
 
-def _bad_entry(card: Card, texts: list[str], needed: str) -> ReadError:
-    """Error for the first text that is not an integer or not a number, with its line."""
-    integers = needed.startswith("a node")
-    bad = next(text for text in texts if (INTEGER.match(text) is None if integers else real_number(text) is None))
-    lines = card.path.read_text(encoding="utf-8", errors="replace").upper().splitlines()
+def _bad_entry(dmig: _Dmig, entry: int, text: str, needed: str) -> ReadError:
+    """Error for a text that is not an integer or not a number, with its line."""
+    card = dmig.card(entry)
+    # What is no character of NASTRAN stands as a question mark in the fields, too.
+    lines = [line.encode("ascii", "replace").decode("ascii").upper() for line in read_text(card.path).splitlines()]
     # The first line of the card if the text is blank.
-    line = next((at for at in range(card.line, len(lines)) if bad and bad in lines[at]), card.line - 1) + 1
+    line = next((at for at in range(card.line, len(lines)) if text and text in lines[at]), card.line - 1) + 1
     return ReadError(
-        f"{card.path}, line {line}: DMIG of matrix '{card.text(0)}' needs {needed}, it has "
-        f"'{bad or 'a blank'}'; the line is damaged or cut: punch or copy the file again"
+        f"{card.path}, line {line}: DMIG of matrix '{dmig.name}' needs {needed}, it has '{text or 'a blank'}'; the "
+        "line is damaged or cut: punch or copy the file again"
     )
 
 
-def _values(dmig: _Dmig) -> tuple[NDArray[np.float64], list[str]]:
-    """Real parts, as numbers and as printed."""
-    printed: list[str] = []
-    values: list[float] = []
-    for card in dmig.columns:
-        texts = list(card.fields[_FIRST + 2 :: _GROUP])
-        texts.extend([""] * (len(card.fields[_FIRST::_GROUP]) - len(texts)))
-        try:
-            values.extend([float(text.replace("D", "E")) for text in texts])
-        except ValueError:
-            numbers = [real_number(text) for text in texts]
-            if None in numbers:
-                raise _bad_entry(card, texts, "a number") from None
-            values.extend(number for number in numbers if number is not None)
-        printed.extend(texts)
-    return np.array(values, dtype=np.float64), printed
+def _values(dmig: _Dmig) -> tuple[NDArray[np.float64], list[str], bool]:
+    """Real parts: as numbers; as printed, the first and the last ones; true if all fit a narrow field."""
+    fields = dmig.fields[dmig.entry + 2]
+    values, sure = reals_of(fields)
+    if not sure.all():
+        bad = int(np.argmin(sure))
+        raise _bad_entry(dmig, bad, dmig.text(dmig.entry[bad] + 2), "a number")
+    ends = dmig.entry if dmig.entry.size <= 2 * _ENDS else np.concatenate([dmig.entry[:_ENDS], dmig.entry[-_ENDS:]])
+    printed = [dmig.text(field + 2) for field in ends.tolist()]
+    return values, printed, bool((fields != _BLANK).sum(axis=1).max(initial=0) <= _FIELD)
 
 
 def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
     """Sparse matrix of one DMIG."""
     row_keys, col_keys, _, _ = _labels(dmig)
-    values, printed = _values(dmig)
-    narrow = _FIELD if printed and max(map(len, printed)) <= _FIELD else None
-    rounding = rounding_of_printed(printed, narrow)
+    values, printed, narrow = _values(dmig)
+    rounding = rounding_of_printed(printed, _FIELD if printed and narrow else None)
     rounding = max(rounding, SINGLE) if dmig.type == 1 else rounding
     return assembled_dmig(path, dmig.name, dmig.form, row_keys, col_keys, values, rounding)
 
 
 def assembled_dmig(
-    path: Path, name: str, form: int, row_keys: Keys, col_keys: Keys, values: NDArray[np.float64], rounding: float
+    path: Path, name: str, form: int, row_keys: Ints, col_keys: Ints, values: NDArray[np.float64], rounding: float
 ) -> LabelledMatrix:
     """Sparse matrix of DMIG entries.
 
@@ -253,7 +303,7 @@ def assembled_dmig(
     )
 
 
-def _of_points(row_keys: Keys, col_keys: Keys) -> tuple[Keys, Keys]:
+def _of_points(row_keys: Ints, col_keys: Ints) -> tuple[Ints, Ints]:
     """Keys with component 0 for scalar points: a point that has component 0 in one place has no other component.
 
     NX gives scalar points component 0 as columns and 1 as rows.

@@ -10,7 +10,7 @@ import pytest
 from cmsreduce.errors import ReadError
 from cmsreduce.read.nastran import read_bulk
 from cmsreduce.read.nastran.cards import read_cards
-from cmsreduce.read.nastran.cards.fields import as_integers, as_reals
+from cmsreduce.read.numbers_at_once import integers_of, reals_of
 from cmsreduce.read.printed_numbers import real_number
 
 COUNT = 200
@@ -32,7 +32,7 @@ def test_reals_are_those_of_python() -> None:
     rng = np.random.default_rng(4)
     values = rng.uniform(-10, 10, 1500) * 10.0 ** rng.integers(-30, 30, 1500)
     texts = [printed(value, 16) for value in values]
-    found, sure = as_reals(columns(texts))
+    found, sure = reals_of(columns(texts))
     expected = np.array([real_number(text) for text in texts])
     assert sure.mean() > 0.6 and (found[sure] == expected[sure]).all()
     small = (abs(values) < 1e12) & (abs(values) > 1e-8)
@@ -47,19 +47,19 @@ def test_reals_are_those_of_python() -> None:
     ],
 )  # fmt: skip
 def test_forms_of_a_real(text: str, value: float) -> None:
-    (found,), (sure,) = as_reals(columns([text]))
+    (found,), (sure,) = reals_of(columns([text]))
     assert sure and np.float64(found).tobytes() == np.float64(value).tobytes()
 
 
 @pytest.mark.parametrize("text", ["", ".", "-", "1.5.", "1 2", "E5", "1E", "1E+", "1_0", "--1", "1.5-3-", "1+", "THRU"])
 def test_what_is_no_number_is_not_sure(text: str) -> None:
     assert real_number(text) is None
-    assert not as_reals(columns([text]))[1][0] and not as_integers(columns([text]))[1][0]
+    assert not reals_of(columns([text]))[1][0] and not integers_of(columns([text]))[1][0]
 
 
 def test_integers_have_no_point() -> None:
     texts = ["12", "-7", "+3", "007", "1.", "1E2", "123456789012345", "1234567890123456", ""]
-    values, sure = as_integers(columns(texts))
+    values, sure = integers_of(columns(texts))
     assert sure.tolist() == [True, True, True, True, False, False, True, False, False]
     assert values[sure].tolist() == [12, -7, 3, 7, 123456789012345]
 

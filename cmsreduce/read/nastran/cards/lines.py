@@ -20,8 +20,6 @@ Flags = NDArray[np.bool_]
 
 _HEAD, _BODY_END = 8, 72  # columns of the name, and where the name of the continuation begins
 _LONGEST = 80
-# Cards of more lines are read one by one, because all cards of a block have room for the fields of the longest.
-_MOST_LINES = 8
 _BLANK, _NEWLINE, _TAB, _COMMA, _DOLLAR, _STAR, _EQUAL, _UNKNOWN = b" \n\t,$*=?"
 # Tabs and what is no character of NASTRAN: such lines are read one by one.
 _ODD = np.zeros(256, dtype=bool)
@@ -205,7 +203,9 @@ class BulkLines:
         apart_lines = self._odd[lines] | self._names_another(lines, card)
         count = np.where(self._wide[lines], WIDE_FIELDS_PER_LINE, FIELDS_PER_LINE)
         apart_lines |= (self._comma_count[lines] > count) | self._has_long_fields(lines)
-        apart = np.bincount(card, minlength=len(begins)) > _MOST_LINES
+        # A line of narrow fields after one line of wide fields leaves a gap.
+        apart_lines |= self._wide[lines] != self._wide[begins[card]]
+        apart = np.zeros(len(begins), dtype=bool)
         apart[card[apart_lines]] = True
         singles = {at: read_one(int(begins[at]), int(ends[at])) for at in np.flatnonzero(apart).tolist()}
         blocks = []
@@ -214,9 +214,9 @@ class BulkLines:
             local = np.full(len(begins), -1, dtype=np.int64)
             local[of_name] = np.arange(of_name.size)
             these = np.flatnonzero((local[card] >= 0) & ~apart[card])
-            fields = self._block(lines[these], local[card[these]], of_name.size)
+            fields, start = self._block(lines[these], local[card[these]], of_name.size)
             singly = {int(local[at]): made for at, made in singles.items() if local[at] >= 0}
-            blocks.append(CardBlock(self._names[one - _WANTED], path, begins[of_name] + 1, fields, singly))
+            blocks.append(CardBlock(self._names[one - _WANTED], path, begins[of_name] + 1, fields, start, singly))
         return blocks
 
     def _lines_of_cards(self, begins: Ints, ends: Ints) -> tuple[Ints, Ints]:
@@ -262,36 +262,29 @@ class BulkLines:
         end = np.minimum(commas[among + 1], self._stops[lines][:, None])
         return begin, np.where(k < self._comma_count[lines][:, None], end, begin)
 
-    def _block(self, lines: Ints, card: Ints, size: int) -> NDArray[np.uint8]:
-        """Characters of the fields of some lines, in their places on their cards, (k, n, width)."""
+    def _block(self, lines: Ints, card: Ints, size: int) -> tuple[NDArray[np.uint8], Ints]:
+        """Fields of some lines, card after card, (m, width), and the first of each card and the end, (n + 1,)."""
         wide, free = self._wide[lines], self._comma_count[lines] > 0
         count = np.where(wide, WIDE_FIELDS_PER_LINE, FIELDS_PER_LINE)
-        first = np.zeros(len(card), dtype=np.int64)
-        filled = np.zeros(size, dtype=np.int64)
-        rank = np.arange(len(card)) - np.searchsorted(card, card)
-        for r in range(int(rank.max(initial=-1)) + 1):
-            at = np.flatnonzero(rank == r)
-            # A line of narrow fields begins a line of eight; two lines of wide fields fill one.
-            start = filled[card[at]]
-            start = np.where(wide[at], start, -(-start // FIELDS_PER_LINE) * FIELDS_PER_LINE)
-            first[at], filled[card[at]] = start, start + count[at]
+        # Lines of one card follow each other.
+        first = np.cumsum(count) - count
+        start = np.concatenate([[0], np.cumsum(np.bincount(card, count, size).astype(np.int64))])
         width = WIDEST if (wide | free).any() else _HEAD
-        out = np.full((int(filled.max(initial=0)), size, width), _BLANK, dtype=np.uint8)
+        out = np.full((int(start[-1]), width), _BLANK, dtype=np.uint8)
         for of_kind, own in ((~free & ~wide, _HEAD), (~free & wide, WIDEST)):
-            if not of_kind.any():
-                continue
             at = np.flatnonzero(of_kind)
+            if not at.size:
+                continue
             body = self._window(self._starts[lines[at]] + _HEAD, _BODY_END - _HEAD, self._stops[lines[at]])
             for k in range(body.shape[1] // own):
-                out[first[at] + k, card[at], :own] = body[:, k * own : (k + 1) * own]
+                out[first[at] + k, :own] = body[:, k * own : (k + 1) * own]
         at = np.flatnonzero(free)
-        begin, end = self._between_commas(lines[at])
+        begin, stop = self._between_commas(lines[at])
         for k in range(FIELDS_PER_LINE):
-            has = end[:, k] > begin[:, k]
-            if not has.any():
-                continue
-            out[first[at[has]] + k, card[at[has]]] = self._window(begin[has, k], WIDEST, end[has, k])
-        return out
+            has = stop[:, k] > begin[:, k]
+            if has.any():
+                out[first[at[has]] + k] = self._window(begin[has, k], WIDEST, stop[has, k])
+        return out, start
 
 
 def _first_of(places: Ints, starts: Ints, otherwise: Ints) -> Ints:
