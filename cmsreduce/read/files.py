@@ -49,7 +49,8 @@ LIBRARY_ERRORS = (
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_TEXT_CONTROLS = b"\t\n\r\f\x1a"
+# Control characters that text has none of: all but tabs, ends of lines and pages, and the end of a DOS file.
+_NO_TEXT = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
 
 
 @contextmanager
@@ -134,7 +135,7 @@ def read_head(path: Path, count: int, subject: str = "") -> bytes:
 
 def is_text(head: bytes) -> bool:
     """True for bytes of plain text."""
-    return not any(byte < 32 and byte not in _TEXT_CONTROLS for byte in head)
+    return len(head.translate(None, _NO_TEXT)) == len(head)
 
 
 def is_med(path: Path) -> bool:

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
@@ -279,6 +280,27 @@ def assembled_dmig(
     row, col = np.searchsorted(rows, row_keys), np.searchsorted(cols, col_keys)
     if form == 6:
         row, col = np.maximum(row, col), np.minimum(row, col)
+    A = canonical(row, col, values, (rows.size, cols.size))
+    # Repeated entries were added, zeros dropped.
+    if A.nnz < values.size:
+        A = _each_once(path, name, form, (rows, cols), (row, col), values)
+    return LabelledMatrix(
+        mirrored(A) if form == 6 else A,
+        name,
+        path,
+        "dmig",
+        rounding,
+        DofTable.from_keys(rows),
+        # Columns of form 9 are mere numbers.
+        DofTable.from_keys(cols) if form == 2 else None,
+    )
+
+
+def _each_once(
+    path: Path, name: str, form: int, keys: tuple[Ints, Ints], places: tuple[Ints, Ints], values: NDArray[np.float64]
+) -> sp.csc_array:
+    """Matrix of entries of which some repeat others; a ReadError if one place has two values."""
+    (rows, cols), (row, col) = keys, places
     _, at, inverse = np.unique(row * max(cols.size, 1) + col, return_index=True, return_inverse=True)
     first = values[at][inverse]
     differs = np.flatnonzero((values != first) & ~(np.isnan(values) & np.isnan(first)))
@@ -290,17 +312,7 @@ def assembled_dmig(
             f"{path}: matrix '{name}' has two values at row {i}, column {j}{across}: {first[k]:.10g} and "
             f"{values[k]:.10g}; a DMIG names each place once, and a symmetric one only one triangle"
         )
-    A = canonical(row[at], col[at], values[at], (rows.size, cols.size))
-    return LabelledMatrix(
-        mirrored(A) if form == 6 else A,
-        name,
-        path,
-        "dmig",
-        rounding,
-        DofTable.from_keys(rows),
-        # Columns of form 9 are mere numbers.
-        DofTable.from_keys(cols) if form == 2 else None,
-    )
+    return canonical(row[at], col[at], values[at], (rows.size, cols.size))
 
 
 def _of_points(row_keys: Ints, col_keys: Ints) -> tuple[Ints, Ints]:
