@@ -73,8 +73,8 @@ bench-peers:
 	-$(PYTHON) -m venv build/peers/exudyn && build/peers/exudyn/bin/pip install --quiet exudyn==1.13.6 scipy
 	-$(PYTHON) -m venv build/peers/sdynpy && build/peers/sdynpy/bin/pip install --quiet sdynpy
 
-# Nothing is downloaded: Exudyn is in the extra of that name, others are found by environment variables (docs/scenes.md).
-consumers: $(STAMP) ## scenes and files in the programs that are here, and docs/consumers.md; minutes
+# Nothing is downloaded: Exudyn is in the extra of that name, others are found by environment variables (benchmarks/consumers.md).
+consumers: $(STAMP) ## scenes and files in the programs that are here, and benchmarks/consumers.md; minutes
 	$(BIN)/python benchmarks/exported_scenes.py
 	$(BIN)/python benchmarks/consumer_tests.py
 

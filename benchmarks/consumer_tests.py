@@ -1,4 +1,4 @@
-"""Tests of foreign programs, run one row at a time: the first table of docs/consumers.md.
+"""Tests of foreign programs, run one row at a time: the first table of benchmarks/consumers.md.
 
 A test tells its error by pytest's ``record_property("error", value)``. Rows of programs that are not here stay as they
 were, and so do those that the command line does not name, if it names any.
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "consumers.md"
+PAGE = ROOT / "benchmarks" / "consumers.md"
 NAME = "tests"
 HEAD = ["| program | version | compared | limit | largest error | tests | s |", "|---|---|---|---|---|---|---|"]
 

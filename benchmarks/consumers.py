@@ -1,4 +1,4 @@
-"""Exudyn with files that cmsreduce wrote: the figures of docs/consumers.md.
+"""Exudyn with files that cmsreduce wrote: the figures of benchmarks/consumers.md.
 
 Needs the extra ``exudyn``. The slew of the full bodies takes some minutes.
 """

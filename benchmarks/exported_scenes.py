@@ -1,4 +1,4 @@
-"""Galileo's pair as `cmsreduce export` writes it, run unedited in other programs: a table of docs/consumers.md.
+"""Galileo's pair as `cmsreduce export` writes it, run unedited in other programs: a table of benchmarks/consumers.md.
 
 Exudyn is in the extra ``exudyn``; others are found by an environment variable. Rows of programs that are not here stay
 as they were.

@@ -48,7 +48,7 @@ def test_reduced_bodies_against_full_ones(pair: Galileo) -> None:
     inside = full < BAND
     assert inside.sum() == 58
     ratio = found[: full.size][inside[: found.size]] / full[inside]
-    # Craig-Bampton modes to twice the band: from above, and three times what is measured (docs/consumers.md).
+    # Craig-Bampton modes to twice the band: from above, and three times what is measured (benchmarks/consumers.md).
     assert ratio.min() > 1 - 1e-8
     assert ratio.max() < 1 + 1e-4
 
@@ -112,6 +112,6 @@ def test_a_slew_by_few_modes_and_by_many(pair: Galileo) -> None:
     few, turned = slew(pair, pair.ranked)
     many, _ = slew(pair, pair.reduced)
     assert np.rad2deg(turned) > 70
-    # The tip of the boom moves by half a metre; three times what is measured (docs/consumers.md).
+    # The tip of the boom moves by half a metre; three times what is measured (benchmarks/consumers.md).
     assert abs(many).max() > 0.4
     assert np.linalg.norm(few - many) < 2e-4 * np.linalg.norm(many)

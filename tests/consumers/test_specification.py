@@ -1,10 +1,9 @@
-"""The equations of docs/component-file.md, run as the page has them, against the simulation of the same body."""
+"""The equations of docs/component-file.md, in 60 lines of an example, against the simulation of the same body."""
 
 from __future__ import annotations
 
-import re
+import runpy
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ import cmsreduce as cms
 from tests.consumers.exported import finished
 from tests.pipeline.study import PANEL, panel, write_body
 
-PAGE = Path(__file__).parents[2] / "docs" / "component-file.md"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "free_body.py"
 BODY = (
     """\
 name: free
@@ -36,15 +35,13 @@ AGREED = 1e-7
     ("frame", "integrals"),
     [("{{kind: mean-axis}}", "{{mass: consistent}}"), ("{{kind: clamped, at: root}}", "{{axes: root}}")],
 )
-def test_the_page_alone_suffices_to_move_a_body(tmp_path: Path, frame: str, integrals: str) -> None:
+def test_the_equations_alone_suffice_to_move_a_body(tmp_path: Path, frame: str, integrals: str) -> None:
     write_body(tmp_path, panel())
     run = finished(tmp_path, BODY.replace("FRAME", frame).replace("INTEGRALS", integrals))
-    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
-    page: dict[str, Any] = {}
-    exec("import h5py\nimport numpy as np\n" + next(block for block in blocks if "class FreeBody" in block), page)
+    example = runpy.run_path(str(EXAMPLE))
     spin = np.array([6.0, 16.0, -8.0])
     motion = cms.simulate(run, 0.1, efforts={"push": lambda t: 5.0}, spin=spin, points=20)
-    body = page["FreeBody"](run / "panel.h5")
+    body = example["FreeBody"](run / "panel.h5")
     axes = motion.rotation["panel"][0].T
     found = body.modal(motion.time, {6: axes @ [5.0, -10.0, 7.5]}, axes @ spin)
     expected = motion.modal["panel"]

@@ -6,7 +6,7 @@ import ast
 import re
 import shlex
 import shutil
-from collections.abc import Iterator, Set
+from collections.abc import Set
 from pathlib import Path
 
 import click
@@ -17,7 +17,6 @@ from cmsreduce.balance import RANKINGS
 from cmsreduce.cli import main
 from cmsreduce.config import json_schema, load_pipeline
 from cmsreduce.pipeline.batch import sweep_axes
-from cmsreduce.read import FORMATS, GEOMETRY_FORMATS
 from cmsreduce.reduce import METHODS
 from cmsreduce.write import PROFILES, TARGETS
 from tests.docs.pages import PAGES, ROOT, commands, inline, snippets
@@ -183,18 +182,6 @@ def test_what_is_not_run_is_still_there() -> None:
     assert set(NOT_RUN) <= {command for page in PAGES for command in commands(page)}
 
 
-@pytest.fixture
-def own_tables() -> Iterator[None]:
-    """Tables of formats, mode sets, rankings and targets without what a page registers in them."""
-    tables: tuple[dict[str, object], ...] = (FORMATS, GEOMETRY_FORMATS, METHODS, RANKINGS, TARGETS)
-    before = [dict(table) for table in tables]
-    yield
-    for table, entries in zip(tables, before, strict=True):
-        table.clear()
-        table.update(entries)
-
-
-@pytest.mark.usefixtures("own_tables")
 @pytest.mark.parametrize("page", PAGES)
 def test_python_runs(page: str, request: pytest.FixtureRequest) -> None:
     names: dict[str, object] = {}
