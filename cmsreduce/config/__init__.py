@@ -38,6 +38,7 @@ from cmsreduce.config.keys import (
 )
 from cmsreduce.config.load import load_pipeline, pipeline_from_keys
 from cmsreduce.config.located import Entry, parse
+from cmsreduce.config.places import naming_the_line
 from cmsreduce.config.scene import build_scene
 from cmsreduce.config.starter import starter_pipeline
 
@@ -76,6 +77,7 @@ __all__ = [
     "key_names",
     "load_cluster",
     "load_pipeline",
+    "naming_the_line",
     "parse",
     "parse_ratio",
     "pipeline_from_keys",

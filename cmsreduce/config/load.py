@@ -88,6 +88,7 @@ def _checked(root: Entry) -> Pipeline:
     own = without_repetitions(((each.keys, each.message) for each in broken), root)
     if broken:
         raise config_error([located(root, each.keys, each.message) for each in compress(broken, own)])
+    pipeline._tree = root
     return pipeline
 
 
@@ -102,6 +103,11 @@ def _read(path: Path, chain: tuple[Path, ...], included: list[Path], trees: dict
     if not isinstance(root.value, dict):
         raise ConfigError(f"{root.where}: a mapping of keys is expected, such as 'components:' and 'scene:'")
     keys = dict(root.value)
+    if not chain and not set(keys) & set(Pipeline.model_fields):
+        raise ConfigError(
+            f"{root.where}: none of its keys ({', '.join(list(keys)[:5])}) is one of a pipeline: is it a file of "
+            "another program? `cmsreduce new NAME` writes a pipeline to start from"
+        )
     include = keys.pop("include", None)
     own = Entry(keys, root.where)
     if include is None or include.value is None:

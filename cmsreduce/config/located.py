@@ -196,8 +196,10 @@ class _Reader:
                 raise ConfigError(f"{where}: key '{inner}' is given twice, first in line {own[name].where.line}")
             if isinstance(item, ScalarNode) and item.tag == _TAG + "null" and not item.value:
                 if name.isdigit() and own:
+                    before = list(own.values())[-1].value
                     raise ConfigError(
-                        f"{where}: '{path}' has a decimal comma before {name}: numbers have a point, such as 5.{name}"
+                        f"{where}: '{path}' has a decimal comma before {name}: numbers have a point, such as "
+                        f"{before if isinstance(before, int) else 5}.{name}"
                     )
                 raise ConfigError(
                     f"{where}: key '{inner}' has no value: write {{}} to take the defaults, null to leave it out"

@@ -36,7 +36,7 @@ def free_dof(scene: SceneKeys, joint: str, dof: str | None) -> int:
         raise SceneError(not_among("joint", joint, scene.joints))
     free = scene.joints[joint].free
     if not free:
-        raise SceneError(f"joint '{joint}' is locked in all dofs: it has no motion")
+        raise SceneError(f"joint '{joint}' is locked in all dofs: it has no motion; free one, e.g. `free: [rz]`")
     if dof is None:
         if len(free) > 1:
             raise SceneError(f"joint '{joint}' is free in {', '.join(free)}: name one, such as {joint}.{free[0]}")

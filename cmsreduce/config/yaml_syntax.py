@@ -24,6 +24,11 @@ _SYNTAX = (
         "a ':' where no key can be: a text that holds ': ' needs quotes, and keys of one mapping the same indentation",
     ),
     ("expected ',' or '", "the bracket that opens in line {} is not closed, or a comma is missing before this place"),
+    ("found unexpected end of stream", "the quote that opens here is not closed"),
+    (
+        "that cannot start any token",
+        "no value starts with this sign: put a text in quotes, write 5 % for per cent",
+    ),
     ("another document", "a second document starts here; a pipeline is one document, without '---' inside"),
 )
 # A key with its value, and no blank between them: YAML takes both for one text, and the next line for wrong.
@@ -56,10 +61,13 @@ def refuse_syntax(error: MarkedYAMLError, text: str, source: str, in_override: b
             if 0 <= number < len(lines) and (found := _NO_BLANK.match(lines[number])) is not None:
                 where, key = f"{source}:{number + 1}:{found.end(1) + 1}", found[1]
                 raise ConfigError(f"{where}: YAML syntax: no blank after the colon of '{key}': write {key}: VALUE")
-    if "could not find expected ':'" in (error.problem or ""):
+    if re.search("could not find expected ':'|unexpected end of stream", error.problem or ""):
         mark = start
     where = source if mark is None or in_override else f"{source}:{mark.line + 1}:{mark.column + 1}"
     problem = ", ".join(part for part in (error.context, error.problem) if part) or "the text cannot be read"
     known = (words for found, words in _SYNTAX if found in problem)
     words = next(known, problem).format("?" if start is None else start.line + 1)
+    if "but found '<block" in problem and mark is not None and not in_override:
+        above = next((n for n in range(mark.line - 1, -1, -1) if text.split("\n")[n].strip()), None)
+        words += "" if above is None else f" (compare with line {above + 1})"
     raise ConfigError(f"{where}: YAML syntax: {words}") from None

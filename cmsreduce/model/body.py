@@ -245,7 +245,7 @@ class FEModel:
             at = int(np.flatnonzero(~np.isfinite(bad.data))[0])
             raise MatrixError(
                 f"{where} holds {bad.data[at]} at row {bad.row[at] + 1} ({labels[bad.row[at]]}), "
-                f"column {bad.col[at] + 1}"
+                f"column {bad.col[at] + 1}: the run that wrote the matrix failed there; write it again"
             )
         largest = float(abs(A.data).max(initial=0.0))
         limit = max(_SYMMETRY_FACTOR * self.rounding, CONDENSATION) * largest

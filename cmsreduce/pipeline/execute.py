@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from cmsreduce.config import load_pipeline
+from cmsreduce.config import load_pipeline, naming_the_line
 from cmsreduce.errors import ConfigError, StageError, not_among
 from cmsreduce.model import RunResult, Values, parameter_label
 from cmsreduce.multifrontal import blas_threads
@@ -68,6 +68,7 @@ def execute(
     failures = run.stages.failures
     # Work between stages, and for the report, is dense algebra of small matrices, too.
     with (
+        naming_the_line(run.pipeline),
         sole_use(run.folder, run.stages.progress.note),
         blas_threads(run.stages.solver.threads or 1),
         collecting(failures),

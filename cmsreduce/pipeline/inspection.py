@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.config import Pipeline, build_scene, load_pipeline
+from cmsreduce.config import Pipeline, build_scene, load_pipeline, naming_the_line
 from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
 from cmsreduce.model import FEModel, Finding, Scene, SystemChecks, health_data, loads_in_words
 from cmsreduce.pipeline.bodies import (
@@ -190,16 +190,17 @@ def _geometry(path: Path) -> Inspected:
 
 def _bodies(path: Path) -> Inspected:
     pipeline = load_pipeline(path)
-    scene = build_scene(pipeline)
     rows, bodies = [], {}
-    for name, part in pipeline.components.items():
-        if part.rigid is not None:
-            rows.append(InspectedLine(f"rigid, mass {part.rigid.mass:g}", name))
-            bodies[name] = {"rigid": True, "mass": part.rigid.mass}
-            continue
-        found = _body(pipeline, name, scene)
-        rows += [found.rows[0], *_indented(found.rows[1:])]
-        bodies[name] = found.data
+    with naming_the_line(pipeline):
+        scene = build_scene(pipeline)
+        for name, part in pipeline.components.items():
+            if part.rigid is not None:
+                rows.append(InspectedLine(f"rigid, mass {part.rigid.mass:g}", name))
+                bodies[name] = {"rigid": True, "mass": part.rigid.mass}
+                continue
+            found = _body(pipeline, name, scene)
+            rows += [found.rows[0], *_indented(found.rows[1:])]
+            bodies[name] = found.data
     return Inspected(rows, {"kind": "pipeline", "name": pipeline.name, "bodies": bodies})
 
 

@@ -100,9 +100,11 @@ def require_file(path: Path) -> None:
             if folder.is_dir()
             else f"; there is no folder {folder}"
         )
+        if "\\" in path.name:
+            hint = "; it is a path of Windows: write it with /, best relative to the file that names it"
         raise ReadError(f"{path}: there is no such file{hint}")
     if path.is_dir():
-        raise ReadError(f"{path}: is a folder, not a file; name the matrix file in it")
+        raise ReadError(f"{path}: is a folder, not a file; name the file in it")
     if not path.is_file():
         raise ReadError(f"{path}: is a device or a pipe, not a file; write its content to a file")
     if not read_head(path, 1):

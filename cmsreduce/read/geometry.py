@@ -11,7 +11,7 @@ import numpy as np
 
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.read.file_kind import GEOMETRY_HEAD, file_kind, geometry_format
-from cmsreduce.read.files import read_head, reading
+from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
 from cmsreduce.read.mesh import MESH
 
@@ -75,6 +75,7 @@ def read_cells(path: Path) -> Cells:
 
 
 def _format_of(path: Path) -> GeometryFormat:
+    require_file(path)
     head = read_head(path, GEOMETRY_HEAD, f"{path}: the geometry")
     found = geometry_format(head)
     if found is not None:

@@ -190,4 +190,5 @@ def _choose(path: Path, stored: list[StoredMatrix], wanted: str | None, format: 
     lower = {name.lower(): name for name in names}
     near = difflib.get_close_matches(wanted.lower(), lower, n=1)
     hint = f" (did you mean {lower[near[0]]}?)" if near else ""
-    raise ReadError(f"{path}: there is no matrix '{wanted}' in it{hint}; it holds {listed or 'no matrix'}")
+    held = f"{listed}: name one of these" if listed else "no matrix"
+    raise ReadError(f"{path}: there is no matrix '{wanted}' in it{hint}; it holds {held}")

@@ -69,7 +69,7 @@ CASES = {
     # The text of the file.
     "tab": typed(5, "  arm:\n", "\tarm:\n", "a tab", "spaces"),
     "indented too little": typed(24, "  joints:\n", " joints:\n", "same column"),
-    "indented too much": typed(23, "  band: 60 Hz", "    band: 60 Hz", "same column"),
+    "indented too much": typed(23, "  band: 60 Hz", "    band: 60 Hz", "same column", "compare with line 22"),
     "no blank after a colon": typed(22, "band: 60 Hz", "band:60 Hz", "no blank", "write band: VALUE"),
     "no colon": typed(21, "scene:\n", "scene\n", "line 21 has no ': '", "KEY: VALUE"),
     "bracket left open": typed(41, "{frf_error: 0.05}", "{frf_error: 0.05", "opens in line 40"),
@@ -77,6 +77,14 @@ CASES = {
         36, "{method: craig-bampton, cutoff: 15}", "[craig-bampton, 15]", "a list", "method"
     ),
     "decimal comma": typed(18, "mass: 5.0", "mass: 5,0", "decimal comma", r"5\.0"),
+    "decimal comma with a unit": typed(22, "60 Hz", "'0,06 kHz'", "a point, not a comma", r"0\.06 kHz"),
+    "quote left open": typed(1, "name: study", 'name: "study', "quote that opens here is not closed"),
+    "per cent before the number": typed(
+        40, "frf_error: 0.05", "frf_error: %5", "no value starts with this sign", "5 % for per cent"
+    ),
+    "path of Windows": typed(
+        8, "arm.bdf", "C:\\models\\arm.bdf", "'components.arm.geometry'", "no such file", "path of Windows", "with /"
+    ),
     "backslash in a path": typed(8, "arm.bdf", '"meshes\\arm.bdf"', "backslash", "with /"),
     "not UTF-8": Mistake((r"study\.yaml:1", "UTF-8"), touch=latin),
     "file without a name": typed(1, "name: study\n", "", "lacks 'name'", "e.g. name"),
@@ -108,23 +116,54 @@ CASES = {
     "node by a name": typed(9, "tip: {node: 5}", "tip: {node: tip}", "'tip'", "whole number"),
     "misspelt rule": typed(37, "keep: all", "keep: al", "`all`", "modes: 20"),
     "misspelt format": typed(41, "[hdf5]", "[hdf]", "did you mean 'hdf5'"),
+    "two bodies of one name": typed(11, "  panel:\n", "  arm:\n", "given twice, first in line 5"),
+    "angle without a unit": typed(28, "[0, 50 deg]", "[0, 0.87]", "0.87 has no unit", "deg or rad"),
+    "interface at no node": typed(
+        9, "tip: {node: 5}", "tip: {node: 55}", "'arm', interface 'tip'", "no node 55", "nearest"
+    ),
+    "sensor at no node": typed(34, "panel.6", "panel.66", "no node or interface '66'", "interfaces: root"),
+    "joint of a body with itself": typed(25, "hub.face", "arm.root", "both points are arm.root", "two different ones"),
+    "angle of a weld": typed(28, "hinge: [0", "weld: [0", "locked in all dofs", "free one"),
+    "body joined to nothing": Mistake(
+        at(5, "'arm' is joined to nothing", "Add a joint"), (("    weld: {connect: [hub.face, arm.root]}\n", ""),)
+    ),
+    "coordinates of one body in millimetres": Mistake(
+        at(27, "'hinge'", "1000 times", "state the units of both"),
+        (("geometry: arm.bdf", "geometry: arm.bdf\n    units: mm-t-s"),),
+    ),
     # Matrices.
+    "misspelt file": typed(
+        6, "{file: arm.op4, matrix: KAA}", "{file: amr.op4}", "no such file, did you mean", "arm.op4"
+    ),
+    "folder in place of a matrix": typed(
+        6, "{file: arm.op4, matrix: KAA}", "{file: .}", "is a folder", "name the file in it"
+    ),
+    "deck of another body": typed(
+        5, "geometry: arm.bdf", "geometry: panel.bdf", "30 rows", "no dof set of .*panel", "Give the deck"
+    ),
+    "list of rows in another order": Mistake(
+        at(5, "row order .* not proven", "Likely cause", "`rows:`"),
+        (("geometry: arm.bdf", "geometry: arm.bdf\n    rows: arm.dof"),),
+        touch=written("arm.dof", "\n".join(f"{node}.{dof}" for dof in range(1, 7) for node in range(1, 6))),
+    ),
     "same matrix twice": Mistake(
-        ("'arm'", r"arm\.op4", "given as mass, too", r"components\.arm\.mass"),
+        at(5, "'arm'", r"arm\.op4", "given as mass, too", r"components\.arm\.mass"),
         (("mass: {file: arm.op4, matrix: MAA}", "mass: {file: arm.op4, matrix: KAA}"),),
     ),
     "stiffness and mass exchanged": Mistake(
-        ("'arm': the stiffness and the mass", r"arm\.op4", "Exchange the two"),
+        at(5, "'arm': the stiffness and the mass", r"arm\.op4", "Exchange the two"),
         (("arm.op4, matrix: KAA", "arm.op4, matrix: X"), ("matrix: MAA", "matrix: KAA"), ("matrix: X", "matrix: MAA")),
     ),
     "deck in place of a matrix": Mistake(
-        (r"arm\.bdf", "bulk data", "name the OP4"), (("{file: arm.op4, matrix: KAA}", "{file: arm.bdf}"),)
+        at(5, r"arm\.bdf", "bulk data", "name the OP4"), (("{file: arm.op4, matrix: KAA}", "{file: arm.bdf}"),)
     ),
     "matrix in place of a deck": Mistake(
-        (r"arm\.op4", "no nodes", "name the deck"), (("geometry: arm.bdf", "geometry: arm.op4"),)
+        at(5, r"arm\.op4", "no nodes", "name the deck"), (("geometry: arm.bdf", "geometry: arm.op4"),)
     ),
     "matrix of another name": Mistake(
-        (r"arm\.npz", "MAA|mass"), (("mass: {file: arm.op4", "mass: {file: arm.npz"),), touch=one_matrix
+        at(7, "'components.arm.mass'", r"arm\.npz", "no matrix 'MAA'", "K: name one"),
+        (("mass: {file: arm.op4", "mass: {file: arm.npz"),),
+        touch=one_matrix,
     ),
     # Commands.
     "run of a matrix": called("run", "D/arm.op4", says=(r"arm\.op4", "not a pipeline file", "cmsreduce new NAME")),
@@ -135,6 +174,12 @@ CASES = {
         "D/x.html",
         says=(r"x\.html", "a web page", "name the YAML file"),
         touch=written("x.html", "<html></html>"),
+    ),
+    "run of a file of another program": called(
+        "run",
+        "D/ci.yaml",
+        says=(r"ci\.yaml:1", r"none of its keys \(jobs\)", "another program", "cmsreduce new"),
+        touch=written("ci.yaml", "jobs:\n  build: {}\n"),
     ),
     "run of an empty file": called("run", "D/e.yaml", says=("empty", "cmsreduce new"), touch=written("e.yaml", "")),
     "run of a file with a misspelt name": called("run", "D/stdy.yaml", says=(r"did you mean .*study\.yaml",)),

@@ -57,7 +57,7 @@ def _check_pair(value: object) -> object:
     if isinstance(value, (list, tuple)) and len(value) != 2:
         raise ValueError(f"two points are expected, e.g. [rotor.tip, stator.base], found {len(value)}")
     if isinstance(value, (list, tuple)) and value[0] == value[1]:
-        raise ValueError(f"both points are {value[0]}")
+        raise ValueError(f"both points are {value[0]}: name two different ones")
     return value
 
 

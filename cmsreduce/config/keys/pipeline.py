@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, Strict, WithJsonSchema
 
 from cmsreduce.config.keys.balance import BalanceKeys
 from cmsreduce.config.keys.component import Component
@@ -18,6 +18,7 @@ from cmsreduce.config.keys.reduce import NO_PARTS, ReduceKeys
 from cmsreduce.config.keys.scene import SceneKeys
 from cmsreduce.config.keys.verify import VerifyKeys
 from cmsreduce.config.keys.write import BodyWriteKeys, WriteKeys
+from cmsreduce.config.located import Entry
 from cmsreduce.linalg.machine import Backend, Precision
 from cmsreduce.model import Units
 
@@ -159,6 +160,13 @@ class Pipeline(Keys):
         if isinstance(value, dict) and "output" not in value and isinstance(value.get("name"), str):
             return {**value, "output": f"build/{value['name']}"}
         return value
+
+    _tree: Entry | None = PrivateAttr(default=None)
+
+    @property
+    def tree(self) -> Entry | None:
+        """The keys as written, with their places; None for a pipeline that was not read from a text."""
+        return self._tree
 
     @property
     def units(self) -> Units:

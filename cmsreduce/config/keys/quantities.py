@@ -172,7 +172,10 @@ def parse_quantity(value: object) -> Quantity:
         return Quantity(float(value))
     form = _FORM.fullmatch(value) if isinstance(value, str) else None
     if form is None:
-        raise UnitsError(f"'{value}' is not a number with a unit, e.g. {EXAMPLES['angle']} or {EXAMPLES['frequency']}")
+        examples = f"e.g. {EXAMPLES['angle']} or {EXAMPLES['frequency']}"
+        if isinstance(value, str) and re.match(r"\s*[-+]?\d+,\d", value):
+            examples = f"which has a point, not a comma: {value.replace(',', '.', 1)}"
+        raise UnitsError(f"'{value}' is not a number with a unit, {examples}")
     number = float(form[1])
     if not math.isfinite(number):
         raise UnitsError(f"'{value}' is not a finite number")
