@@ -1,13 +1,16 @@
-"""Make the README's picture again from a finished run of the Galileo sample: `python docs/pictures.py`."""
+"""Make the picture of the landing page and the README from a finished run of Galileo: `python docs/pictures.py`."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from cmsreduce.pipeline import reopen, run_result
-from cmsreduce.report import response_picture
+from cmsreduce.report.pictures.charts import error_against_cost
+from cmsreduce.report.pictures.still import draw_chart
 
 HERE = Path(__file__).parent
-CONFIGURATION, CHANNEL = 2, (0, 0)  # spin = 45 deg; motor torque to gyro about x
+# On a telephone, 370 pixels wide, the letters are ten pixels high.
+INCHES = (4.6, 3.4)
 
 if __name__ == "__main__":
     run = run_result(reopen(HERE.parent / "build" / "galileo"))
-    response_picture(run, HERE / "galileo.png", CONFIGURATION, CHANNEL)
+    draw_chart(replace(error_against_cost(run), inches=INCHES), HERE / "error-cost.png")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -91,7 +93,9 @@ def error_against_cost(run: RunResult) -> Chart:
         if 0 < error < np.inf:
             size = max(each.coordinates or 0 for each in found)
             at = np.array([float(size)]), np.array([figure.scale * error])
-            series.append(Series(*at, model, model_style(k), "named mark", ahead=-k))
+            # As on the page, the run's own model is a star.
+            look = model_style(k) if k else replace(model_style(0), symbol="star")
+            series.append(Series(*at, model if k else "this model", look, "named mark", ahead=-k))
     panel = Panel(f"{figure.label}, {figure.unit}", True, limit=_limit(run, figure))
     return Chart("", "coordinates of the system", (panel,), tuple(series), legend=0)
 

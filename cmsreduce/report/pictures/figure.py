@@ -18,7 +18,15 @@ __all__ = ["DOTS_PER_INCH", "MARKERS", "drawn", "legend_above", "line_of", "lite
 DOTS_PER_INCH = 150
 """Resolution of pictures in pixels."""
 
-MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "triangle-down": "v", "cross": "P"}
+MARKERS = {
+    "circle": "o",
+    "square": "s",
+    "diamond": "D",
+    "triangle-up": "^",
+    "triangle-down": "v",
+    "cross": "P",
+    "star": "*",
+}
 """Markers by their names in plotly."""
 
 _PIXELS_PER_POINT = DOTS_PER_INCH / 72

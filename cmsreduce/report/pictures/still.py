@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from cmsreduce.report.palette import LIMIT
+from cmsreduce.report.palette import INK, LIMIT
 from cmsreduce.report.pictures.chart import Chart, Series
 from cmsreduce.report.pictures.figure import MARKERS, drawn, legend_above, line_of, literal, plain_axes
 
@@ -85,11 +85,14 @@ def _draw(axes: Any, series: Series, middle: float) -> None:
     elif series.kind == "circle":
         axes.plot(x, y, "o", mfc="none", mec=look.colour)
     else:
-        axes.plot(x, y, markersize=7, **mark)
+        axes.plot(x, y, markersize=14 if look.symbol == "star" else 7, **mark)
     if series.kind == "named mark":
         right = x[0] <= middle
         place: Any = {"textcoords": "offset points", "ha": "left" if right else "right"}
-        axes.annotate(label, (x[0], y[0]), (7 if right else -7, 5), color=look.colour, **place)
+        # A limit must not strike out a name.
+        place["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+        own = look.symbol == "star"
+        axes.annotate(label, (x[0], y[0]), (8 if right else -8, 5), color=INK if own else look.colour, **place)
 
 
 def _shade(figure: Any, axes: Any, chart: Chart) -> None:

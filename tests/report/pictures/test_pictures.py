@@ -72,7 +72,7 @@ def test_single_pictures(make_run, tmp_path: Path) -> None:
     for name in ("nyquist", "nichols"):
         assert "<!-- -1 -->" not in (tmp_path / f"{name}.svg").read_text(), name
     # A model is named beside its point.
-    assert "<!-- reduced -->" in text and "<!-- first by frequency -->" in text and "<!-- limit 5 % -->" in text
+    assert "<!-- this model -->" in text and "<!-- first by frequency -->" in text and "<!-- limit 5 % -->" in text
     assert "<!-- phase, deg -->" in (tmp_path / "bode.svg").read_text()
     assert figure_pictures(make_run(configurations=(), speed=None)) == {}
 
