@@ -157,7 +157,7 @@ def test_unknown_files_are_refused_without_a_word_on_the_terminal(
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ReadError, match=r"gone.bdf: the geometry cannot be read: No such file"):
+    with pytest.raises(ReadError, match=r"gone.bdf: there is no such file"):
         read_geometry(tmp_path / "gone.bdf")
 
 

@@ -156,7 +156,9 @@ const Responses = (() => {
     const own = traces.find((trace) => trace.name === plain(models[0]));
     const shapes = [...(limit.shapes || [])];
     const annotations = [...(limit.annotations || [])].map((each) => ({ ...each, x: 0, xanchor: "left" }));
-    if (own) annotations.push({ x: Math.log10(own.x[0]), y: Math.log10(own.y[0]), text: "<b>this model</b>", ax: 0, ay: -30, standoff: 11, arrowcolor: styles.ink });
+    // On the side away from the limit, whose words would lie under it on a narrow screen.
+    const side = figure.limit !== null && own && own.y[0] < figure.limit ? 30 : -30;
+    if (own) annotations.push({ x: Math.log10(own.x[0]), y: Math.log10(own.y[0]), text: "<b>this model</b>", ax: 0, ay: side, standoff: 11, arrowcolor: styles.ink });
     if (whole) {
       shapes.push({ type: "line", yref: "paper", y0: 0, y1: 1, x0: whole, x1: whole, line: { color: styles.full.colour, width: 2, dash: "dot" } });
       annotations.push({ yref: "paper", y: 1, yanchor: "top", x: Math.log10(whole), xanchor: "right", text: "full system", showarrow: false, textangle: -90 });
