@@ -6,6 +6,7 @@
     python benchmarks/smallest_model.py --certificates     certificates of 1000 random systems
     python benchmarks/smallest_model.py --visible station  modes of the system that no model within the limits can miss
     python benchmarks/smallest_model.py --search galileo   the search for modes: modes, sets tried, CPU seconds
+    python benchmarks/smallest_model.py --greedy           the search against a greedy one of the tests, in minutes
     python benchmarks/smallest_model.py --growing          the search for modes at 4 to 32 angles of Galileo
 
 ``--write`` puts the table and the picture into the page.
@@ -33,6 +34,7 @@ from cmsreduce.pipeline.project.articulation_range import ArticulationRange  # n
 from cmsreduce.project import ESTIMATE_FACTOR, keep_combinations, response_certificates, richer_shapes  # noqa: E402
 from cmsreduce.report.pictures.figure import drawn, legend_above, plain_axes  # noqa: E402
 from cmsreduce.verify import db_errors, decibel_grid, frf_error  # noqa: E402
+from tests.pipeline.greedy import Greedy  # noqa: E402
 from tests.project.scene_systems import random_scene, random_shapes, whole_responses  # noqa: E402
 from tests.two_beams import write_two_beams  # noqa: E402
 
@@ -47,6 +49,14 @@ SIZES = {"two beams": (4, 5, 6, 7, 8, 9), "galileo": (10, 13, 16, 19, 22), "stat
 LIMITS = {"two beams": (0.01, 1.0), "galileo": (0.02, 1.0), "station": (0.05, 1.0)}
 COLOURS = {"modes": "#0072B2", "system modes, projected": "#009E73", SCENE_SHAPES: "#D55E00"}
 SEARCH_HEADER = "| configurations | modes | sets tried | CPU seconds | a configuration |\n|---|---|---|---|---|"
+GREEDY_HEADER = (
+    "| system | candidates | limits | search | greedy | search, CPU s | greedy, CPU s |\n|---|---|---|---|---|---|---|"
+)
+FEWER = ["scene.band=0.3 Hz", "components.inboard.reduce.cutoff=16", "components.outboard.reduce.cutoff=6"]
+GREEDY = {
+    "Galileo, 8 angles": ("galileo", [], 0.02, 1.0),
+    "station to 0.3 Hz, 4 angles": ("station", FEWER, 0.3, 3.0),
+}
 CONFIGURATIONS = (4, 8, 16, 32)
 RANDOM_ANGLES, SYSTEMS = 100, 1000
 
@@ -200,6 +210,27 @@ def growing(write: bool) -> None:
         put("searches", lines)
 
 
+def against_greedy(write: bool) -> None:
+    """Modes and CPU seconds of the search and of the greedy one, in the configurations of the scenes."""
+    lines = [GREEDY_HEADER]
+    for label, (system, settings, frf, decibel) in GREEDY.items():
+        with tempfile.TemporaryDirectory() as folder:
+            limits = f"verify.limits={{frf_error: {frf}, db_error: {decibel}}}"
+            run = opened(system, Path(folder), "balance={keep: limits}", "verify.between=0", *settings, limits)
+            _ = run.ranked, run.comparison
+            laps = [time.process_time()]
+            search = run.choice.search
+            laps.append(time.process_time())
+            fewest = Greedy(run, frf, decibel).fewest()
+            laps.append(time.process_time())
+        assert search is not None
+        seconds = " | ".join(f"{each:.0f}" for each in np.diff(laps))
+        lines.append(f"| {label} | {search.of} | {frf:.0%}, {decibel:g} dB | {search.modes} | {fewest} | {seconds} |")
+        print(lines[-1], flush=True)
+    if write:
+        put("greedy", lines)
+
+
 def visible(system: str) -> None:
     """Modes of the assembled system whose motion breaks a limit if it alone is left out of the response.
 
@@ -254,6 +285,8 @@ if __name__ == "__main__":
         certificates()
     elif "--visible" in arguments:
         visible(arguments[-1])
+    elif "--greedy" in arguments:
+        against_greedy("--write" in arguments)
     elif "--growing" in arguments:
         growing("--write" in arguments)
     elif "--search" in arguments:
