@@ -5,6 +5,7 @@
     python benchmarks/smallest_model.py --range 3          the shapes that the tests hold at 300 random angles
     python benchmarks/smallest_model.py --certificates     certificates of 1000 random systems
     python benchmarks/smallest_model.py --visible station  modes of the system that no model within the limits can miss
+    python benchmarks/smallest_model.py --shapes station 26 30   errors of so many scene shapes, at their best
     python benchmarks/smallest_model.py --search galileo   the search for modes: modes, sets tried, CPU seconds
     python benchmarks/smallest_model.py --greedy           the search against a greedy one of the tests, in minutes
     python benchmarks/smallest_model.py --growing          the search for modes at 4 to 32 angles of Galileo
@@ -256,6 +257,17 @@ def visible(system: str) -> None:
             print(f"{system}, {configuration.name}: {needed} modes break a limit alone; {inside} lie in the band")
 
 
+def sized(system: str, sizes: list[str]) -> None:
+    """Errors of stated numbers of scene shapes, optimised for both limits."""
+    for size in sizes:
+        with tempfile.TemporaryDirectory() as folder:
+            run = opened(system, Path(folder), f"project={{responses: {size}, between: false}}")
+            found = run.comparison.at(run.scene.configurations, {"reduced": run.model})
+            errors = [each.errors["reduced"] for each in found]
+            frf, decibel = max(e.frf_error for e in errors), max(e.db_error for e in errors)
+        print(f"{system}, {size} scene shapes: worst frf_error {frf:.2%}, worst db_error {decibel:.2f} dB", flush=True)
+
+
 def certificates() -> None:
     """Errors over their estimates and bounds in random systems."""
     rng = np.random.default_rng(2026)
@@ -285,6 +297,8 @@ if __name__ == "__main__":
         certificates()
     elif "--visible" in arguments:
         visible(arguments[-1])
+    elif "--shapes" in arguments:
+        sized(arguments[1], arguments[2:])
     elif "--greedy" in arguments:
         against_greedy("--write" in arguments)
     elif "--growing" in arguments:
