@@ -18,13 +18,14 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import ConstraintError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, row_basis
-from cmsreduce.model import Matrix, is_gyroscopic
+from cmsreduce.model import Matrix, Substructure, is_gyroscopic
 
 __all__ = [
     "ConstraintSpace",
     "congruent_damping",
     "connected_rows",
     "constraint_space",
+    "coordinate_scale",
     "settle_redundant",
     "redundant_rows",
 ]
@@ -42,6 +43,8 @@ _TILE = 128
 _DEPENDENT = 1e-7
 # Motions named in a message.
 _NAMED = 8
+# Scales of the coordinates that differ by less need no balance: the least mass then keeps eight digits beside the others.
+_ALIKE = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +58,8 @@ class ConstraintSpace:
         coordinates as there are constraints to the row space of these.
     kept : (n - rank,) int64
         The other coordinates, which are mapped to the null space.
+    scale : (n,) float64, optional
+        Factors of the rows of T, so that all columns of T / scale are orthonormal; without it T itself is.
 
     Notes
     -----
@@ -64,10 +69,22 @@ class ConstraintSpace:
 
     V: Matrix
     kept: Indices
+    scale: Array | None = None
 
     @cached_property
     def T(self) -> Matrix:
-        """Orthonormal columns T (n, n - rank)."""
+        """Columns T (n, n - rank) that span the null space."""
+        if self.scale is None:
+            return self._orthonormal
+        T = self._orthonormal
+        return sp.csc_array(sp.diags_array(self.scale) @ T) if sp.issparse(T) else self.scale[:, None] * np.asarray(T)
+
+    def coordinates(self, X: Array) -> Array:
+        """Coordinates of motions X (n, k) that meet the constraints."""
+        return np.asarray(self._orthonormal.T @ (X if self.scale is None else X / self.scale[:, None]))
+
+    @cached_property
+    def _orthonormal(self) -> Matrix:
         n = self.V.shape[0]
         if sp.issparse(self.V):
             picked = sp.csc_array(sp.eye_array(n, format="csc"))[:, self.kept]
@@ -83,13 +100,15 @@ class ConstraintSpace:
         """T^T A T of a symmetric A, given by its diagonal blocks (n - rank, n - rank)."""
         A = sp.csc_array(sp.block_diag([sp.csc_array(block) for block in blocks]))
         A = sp.csc_array((A + A.T) * 0.5)
+        if self.scale is not None:
+            A = sp.csc_array(sp.diags_array(self.scale) @ A @ sp.diags_array(self.scale))
         if sp.issparse(self.V):
-            T = self.T
+            T = self._orthonormal
             small = sp.csc_array(T.T @ A @ T)
             return sp.csc_array((small + small.T) * 0.5)
         V = np.asarray(self.V)
         # One side is multiplied by T itself: products of stiff and soft coordinates are then as small as T makes them.
-        AT = sp.csr_array(A) @ np.asarray(self.T)
+        AT = sp.csr_array(A) @ np.asarray(self._orthonormal)
         found = V[self.kept] @ -(V.T @ AT)
         found += AT[self.kept]
         _add_transpose(found)
@@ -106,13 +125,47 @@ def congruent_damping(space: ConstraintSpace, blocks: Sequence[Matrix]) -> Matri
     return sp.csc_array(symmetric + skew) if sp.issparse(symmetric) else np.asarray(symmetric + skew)
 
 
-def constraint_space(A: sp.csr_array) -> ConstraintSpace:
+def coordinate_scale(substructures: Sequence[Substructure]) -> Array | None:
+    """Scale of the stacked coordinates of bodies with which all have masses of one size; None where they nearly have.
+
+    Modes have unit mass, a node of a micromachine 1e-15 kg. In an orthonormal null space over both, the light ones
+    would be rounding beside the others.
+
+    Parameters
+    ----------
+    substructures : sequence of Substructure
+        In the order of their coordinates.
+    """
+    scales: list[Array | None] = []
+    for sub in substructures:
+        mass, stiffness = (np.maximum(getattr(sub, letter).diagonal(), 0.0) for letter in ("M", "K"))
+        both = (mass > 0) & (stiffness > 0)
+        if sub.omega is None and both.any():
+            # A coordinate of little mass counts by its stiffness.
+            mass = np.maximum(mass, stiffness / np.median(stiffness[both] / mass[both]))
+        scales.append(1 / np.sqrt(mass) if sub.omega is None and (mass > 0).all() else None)
+    known = np.concatenate([scale for scale in scales if scale is not None] or [np.ones(1)])
+    modal = [1.0] if any(sub.omega is not None for sub in substructures) else []
+    if max([known.max(), *modal]) <= _ALIKE * min([known.min(), *modal]):
+        return None
+    usual = float(np.median(known))
+    return np.concatenate(
+        [
+            np.ones(sub.m) if sub.omega is not None else np.full(sub.m, usual) if scale is None else scale
+            for sub, scale in zip(substructures, scales, strict=True)
+        ]
+    )
+
+
+def constraint_space(A: sp.csr_array, scale: Array | None = None) -> ConstraintSpace:
     """Find the null space of constraints.
 
     Parameters
     ----------
     A : (c, n) sparse array
         Dependent rows are allowed.
+    scale : (n,) float64, optional
+        Factors of the coordinates, from `coordinate_scale`.
 
     Returns
     -------
@@ -120,7 +173,7 @@ def constraint_space(A: sp.csr_array) -> ConstraintSpace:
         Dense unless most coordinates are in no constraint.
     """
     n = A.shape[1]
-    weights = sp.csr_array(A, copy=True)
+    weights = sp.csr_array(A, copy=True) if scale is None else sp.csr_array(A @ sp.diags_array(scale))
     weights.data = np.where(abs(weights.data) <= _NO_WEIGHT * abs(weights.data).max(initial=0.0), 0.0, weights.data)
     weights.eliminate_zeros()
     norms = np.sqrt(np.asarray(weights.multiply(weights).sum(axis=1)).ravel())
@@ -148,11 +201,12 @@ def constraint_space(A: sp.csr_array) -> ConstraintSpace:
         rank += r
     kept = np.setdiff1d(np.arange(n), np.concatenate(dropped))
     if not rank:
-        return ConstraintSpace(sp.csc_array((n, 0)), kept)
+        return ConstraintSpace(sp.csc_array((n, 0)), kept, scale)
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     V_all = sp.csc_array(sp.coo_array(entries, shape=(n, rank)))
     # Dense only where the reduced coordinates are at most twice those in constraints.
-    return ConstraintSpace(V_all if np.count_nonzero(~touched) >= _MOSTLY_FREE * n else V_all.toarray(), kept)
+    V = V_all if np.count_nonzero(~touched) >= _MOSTLY_FREE * n else V_all.toarray()
+    return ConstraintSpace(V, kept, scale)
 
 
 def connected_rows(A: Array | sp.csr_array) -> list[Indices]:

@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.constraint_space import congruent_damping, constraint_space, settle_redundant
+from cmsreduce.assemble.constraint_space import congruent_damping, constraint_space, coordinate_scale, settle_redundant
 from cmsreduce.assemble.joint_elements import element_rows, with_joint_bodies
 from cmsreduce.assemble.joints import check_loops, constrain, relative_motion
 from cmsreduce.assemble.placement import place_bodies
@@ -217,7 +217,7 @@ def assemble(
     stack, wiring = wired
     substructures = stack.substructures
     A = stack.spread(wiring.A)
-    space = constraint_space(A)
+    space = constraint_space(A, coordinate_scale(tuple(substructures.values())))
     T = space.T
     M, K = (space.congruent([getattr(sub, letter) for sub in substructures.values()]) for letter in ("M", "K"))
     D, loss = (
@@ -226,7 +226,7 @@ def assemble(
         else None
         for letter in ("D", "loss")
     )
-    rigid = np.asarray(T.T @ _rigid_motions(A, substructures, wiring.gap))
+    rigid = space.coordinates(_rigid_motions(A, substructures, wiring.gap))
     if rigid.shape[1]:
         weight, V = la.eigh(rigid.T @ (M @ rigid))
         if weight[0] <= _NO_MASS * weight[-1]:
@@ -253,6 +253,7 @@ def assemble(
         rounding=max(sub.rounding for sub in substructures.values()),
         joints=scene.joints,
         notes=wiring.notes,
+        scale=space.scale,
     )
 
 
@@ -263,5 +264,8 @@ def _or_zero(block: Matrix | None, m: int) -> Matrix:
 def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], gap: float) -> Array:
     """Rigid motions that the joints allow, in which no body is strained (sum m_i, R)."""
     rigid = la.block_diag(*[sub.rigid for sub in substructures.values()])
+    # A unit motion of a rigid body and a motion of unit modal mass of a heavy one differ by many decades.
+    size = np.linalg.norm(dense(A @ rigid), axis=0)
+    rigid = rigid / np.where(size > 0, size, 1.0)
     N, _ = null_space(dense(A @ rigid), _OVER_GAP * gap)
     return np.asarray(rigid @ N)

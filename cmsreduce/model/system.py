@@ -245,6 +245,8 @@ class System:
         Joints between the bodies.
     notes : tuple of str
         Remarks on the assembly for the user.
+    scale : (sum m_i,) float64, optional
+        Factors of the rows of T, so that the columns of T / scale are orthonormal; without it those of T are.
     """
 
     configuration: Configuration
@@ -263,6 +265,7 @@ class System:
     rounding: float = 2.0**-53
     joints: tuple[Joint, ...] = ()
     notes: tuple[str, ...] = ()
+    scale: NDArray[np.float64] | None = None
 
     def __repr__(self) -> str:
         bodies = ", ".join(self.sizes)

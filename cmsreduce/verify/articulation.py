@@ -166,8 +166,9 @@ def locked_index(system: System, locked: System, Phi: Array) -> Array:
     """
     inertia = articulation_inertia(system)
     turn = system.rigid @ (system.C1 @ system.rigid).T @ inertia
-    # Locked motions are some of the free ones, and the columns of T are orthonormal.
-    shapes = dense(system.T.T @ _in_stack(system, locked, dense(locked.T @ Phi)))
+    # Locked motions are some of the free ones, and the columns of T over its scale are orthonormal.
+    weight = 1.0 if system.scale is None else 1 / system.scale[:, None] ** 2
+    shapes = dense(system.T.T @ (weight * _in_stack(system, locked, dense(locked.T @ Phi))))
     h = shapes.T @ (system.M @ turn)
     coupled = np.cumsum(np.einsum("ma,mb->mab", h, h), axis=0)
     return _diagonals(coupled @ np.linalg.inv(inertia))

@@ -36,8 +36,9 @@ _OFFSETS = np.concatenate([[0.0], np.geomspace(0.05, 5000.0, 48)])
 _OUTSIDE = 40.0
 # Flanks of a sharper peak are refined further, to this share of its frequency, where the grid itself is fine enough.
 _FLANK = 0.05
-# Width given to the peak of a mode without damping.
+# Width given to the peak of a mode without damping, and the damping ratio up to which it has none but rounding.
 _NO_DAMPING = 1e-4
+_DAMPED = 1e-10
 # Points of the fixed grid of the decibel error.
 _DECIBEL_POINTS = 1000
 # A channel whose elastic response is below this share of its rigid one is round-off of the subtraction.
@@ -82,9 +83,10 @@ def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: A
     """
     low, high = lowest_frequency(band), band[1]
     grid = [2 * np.pi * np.geomspace(low, high, points)]
-    width = np.where(zeta > 0, zeta, _NO_DAMPING) * omega
+    damped = zeta > _DAMPED
+    width = np.where(damped, zeta, _NO_DAMPING) * omega
     offsets = np.concatenate([_OFFSETS[:1], _OFFSETS[1::coarse]])
-    offsets = offsets if np.all(zeta > 0) else offsets[1:]
+    offsets = offsets if damped.all() else offsets[1:]
     distance = width[:, None] * offsets
     near = (offsets <= _OUTSIDE) | (distance <= _FLANK * omega[:, None])
     for sign in (-1.0, 1.0):

@@ -67,8 +67,16 @@ def _check_pair(value: object) -> object:
 class RayleighKeys(Keys):
     """Damping matrix alpha M + beta K; alpha M does not act on rigid motion."""
 
-    alpha: Number = Field(default=0.0, description="Factor of the mass matrix, 1/s.", examples=[0.1])
-    beta: Number = Field(default=0.0, description="Factor of the stiffness matrix, s.", examples=[1e-5])
+    alpha: Number = Field(
+        default=0.0,
+        description="Factor of the mass matrix, 1/s; 1/ms where `units` of the body count ms.",
+        examples=[0.1],
+    )
+    beta: Number = Field(
+        default=0.0,
+        description="Factor of the stiffness matrix, s; ms where `units` of the body count ms.",
+        examples=[1e-5],
+    )
 
 
 class DampingKeys(Keys):

@@ -29,6 +29,8 @@ _AT_CUTOFF = 1e-9
 # A mode is accepted when |K x - lam M x| is below this share of |K||x|, or below the rounding of the file if that is
 # larger. The share is well above round-off and far below any use.
 _RESIDUAL = 1e-9
+# Rounding is relative to the decade of a number, so that it leaves up to ten times its share in rigid motions.
+_OF_FILE = 10.0
 # Modes whose residuals are computed at a time.
 _CHECKED = 16
 
@@ -162,7 +164,7 @@ def certified_modes(
         k = int(np.count_nonzero(group <= group[k - 1]))
     w, X, bound = w[:k], X[:, :k], bound[:k]
     if k:
-        _check_residuals(K, M, w, X, max(_RESIDUAL, rounding))
+        _check_residuals(K, M, w, X, max(_RESIDUAL, _OF_FILE * rounding))
     for mode in X.T:
         # One mode at a time and in place, which avoids a copy of all modes.
         if mode[abs(mode).argmax()] < 0:

@@ -150,7 +150,11 @@ def rigid_body_modes(
         shapes = np.hstack([shapes, u[:, : N.shape[1] - geometric]]) if R is not None else N
     if shapes.shape[1] == 0:
         return shapes
-    shapes, _ = np.linalg.qr(shapes)
+    # Dofs of like mass: in metres, a micrometre's rotation has 1e-12 of the mass of a translation.
+    mass = M.diagonal()
+    least = float(mass[mass > 0].min(initial=mass.max(initial=0.0))) or 1.0
+    size = np.sqrt(np.where(mass > 0, mass, least))
+    shapes = np.linalg.qr(size[:, None] * shapes)[0] / size[:, None]
     gram = shapes.T @ (M @ shapes)
     weight, V = la.eigh(gram)
     if weight[0] <= DEPENDENT * weight[-1] * 1e-3 or weight[-1] <= 0:

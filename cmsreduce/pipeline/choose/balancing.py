@@ -91,7 +91,12 @@ class Balancing:
         return replace(chosen, selection={name: chosen.selection[name] for name in self.ranked})
 
     def fewest(self, components: Components) -> Selection | None:
-        """The fewest of some candidates that meet all limits, as ``keep: limits`` finds them; None where none do."""
+        """The fewest of some candidates that meet all limits, as ``keep: limits`` finds them; None where none do.
+
+        None, too, where the pipeline states no limits.
+        """
+        if not self._measure.limits:
+            return None
         stated = next(
             (own for name in components if (own := self.pipeline.balance_of(name)) is not None), RankingKeys()
         )
