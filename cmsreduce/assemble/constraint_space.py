@@ -35,7 +35,7 @@ Indices = NDArray[np.int64]
 
 # The null space is held sparse when at least this share of the coordinates is in no constraint.
 _MOSTLY_FREE = 0.5
-# A weight of a constraint row below this share of the largest is round-off of a direction cosine.
+# A weight of a constraint row below this share of the largest one is round-off of a direction cosine.
 _NO_WEIGHT = 1e-14
 # Rows of the tiles in which a large matrix is transposed: two tiles fit a cache of the second level.
 _TILE = 128
@@ -136,25 +136,20 @@ def coordinate_scale(substructures: Sequence[Substructure]) -> Array | None:
     substructures : sequence of Substructure
         In the order of their coordinates.
     """
-    scales: list[Array | None] = []
+    scales, largest = [], 0.0
     for sub in substructures:
         mass, stiffness = (np.maximum(getattr(sub, letter).diagonal(), 0.0) for letter in ("M", "K"))
         both = (mass > 0) & (stiffness > 0)
-        if sub.omega is None and both.any():
+        if both.any():
             # A coordinate of little mass counts by its stiffness.
             mass = np.maximum(mass, stiffness / np.median(stiffness[both] / mass[both]))
-        scales.append(1 / np.sqrt(mass) if sub.omega is None and (mass > 0).all() else None)
-    known = np.concatenate([scale for scale in scales if scale is not None] or [np.ones(1)])
-    modal = [1.0] if any(sub.omega is not None for sub in substructures) else []
-    if max([known.max(), *modal]) <= _ALIKE * min([known.min(), *modal]):
-        return None
-    usual = float(np.median(known))
-    return np.concatenate(
-        [
-            np.ones(sub.m) if sub.omega is not None else np.full(sub.m, usual) if scale is None else scale
-            for sub, scale in zip(substructures, scales, strict=True)
-        ]
-    )
+        with np.errstate(divide="ignore"):
+            scales.append(np.ones(sub.m) if sub.omega is not None else 1 / np.sqrt(mass))
+        if sub.interfaces:
+            largest = max(largest, float(scales[-1].max(where=np.isfinite(scales[-1]), initial=0.0)))
+    # Springs and inertias of joints have no interfaces: they follow the bodies, whatever little mass they have.
+    scale = np.minimum(np.concatenate(scales), largest or 1.0)
+    return None if scale.max(initial=0.0) <= _ALIKE * scale.min(initial=np.inf) else scale
 
 
 def constraint_space(A: sp.csr_array, scale: Array | None = None) -> ConstraintSpace:
@@ -173,11 +168,16 @@ def constraint_space(A: sp.csr_array, scale: Array | None = None) -> ConstraintS
         Dense unless most coordinates are in no constraint.
     """
     n = A.shape[1]
-    weights = sp.csr_array(A, copy=True) if scale is None else sp.csr_array(A @ sp.diags_array(scale))
-    weights.data = np.where(abs(weights.data) <= _NO_WEIGHT * abs(weights.data).max(initial=0.0), 0.0, weights.data)
+    weights = sp.csr_array(A, copy=True)
+    filled = _filled(weights)
+    if scale is not None:
+        weights = sp.csr_array(weights @ sp.diags_array(scale))
+        filled |= _filled(weights)
+    weights = weights[filled]
+    # Of each row by itself: a lever arm of micrometres stands beside rotations of modes of 1e-15 kg m^2 in another row.
+    largest = np.repeat(abs(weights).max(axis=1).toarray().ravel(), np.diff(weights.indptr))
+    weights.data = np.where(abs(weights.data) <= _NO_WEIGHT * largest, 0.0, weights.data)
     weights.eliminate_zeros()
-    norms = np.sqrt(np.asarray(weights.multiply(weights).sum(axis=1)).ravel())
-    weights = weights[norms > DEPENDENT * norms.max(initial=0.0)]
     uses = np.diff(sp.csc_array(weights).indptr)
     touched = uses > 0
     # Many dofs are held one by one, as by the ground: 1 - V V^T changes the sign of each.
@@ -207,6 +207,12 @@ def constraint_space(A: sp.csr_array, scale: Array | None = None) -> ConstraintS
     # Dense only where the reduced coordinates are at most twice those in constraints.
     V = V_all if np.count_nonzero(~touched) >= _MOSTLY_FREE * n else V_all.toarray()
     return ConstraintSpace(V, kept, scale)
+
+
+def _filled(rows: sp.csr_array) -> NDArray[np.bool_]:
+    """True for rows that are more than rounding beside the largest one."""
+    norms = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1)).ravel())
+    return np.asarray(norms > DEPENDENT * norms.max(initial=0.0))
 
 
 def connected_rows(A: Array | sp.csr_array) -> list[Indices]:

@@ -17,7 +17,7 @@ from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.linalg.eigen import null_space
+from cmsreduce.linalg.eigen import DEPENDENT, null_space
 from cmsreduce.model import Channel, Configuration, Matrix, Placement, PointTerm, Scene, StrutTerm, Substructure, System
 
 __all__ = ["Wiring", "assemble", "channel_rows", "wire"]
@@ -161,17 +161,44 @@ def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wirin
     if turned and all(dof in free[name] for name, dof in configuration.angles):
         check_loops(stack.substructures, scene, placed)
     ties, _ = element_rows(stack, scene, placed)
-    C = channel_rows(stack, scene, placed, scene.sensors)
+    A = np.vstack([constraints.A, *ties])
+    B, C = (
+        _unlocked(stack, A, channel_rows(stack, scene, placed, channels))
+        for channels in (scene.actuators, scene.sensors)
+    )
     rate = np.array([sensor.rate for sensor in scene.sensors], dtype=bool).reshape(-1, 1)
     return Wiring(
-        np.vstack([constraints.A, *ties]),
-        channel_rows(stack, scene, placed, scene.actuators),
+        A,
+        B,
         np.where(rate, 0.0, C),
         np.where(rate, C, 0.0),
         placed,
         constraints.gap,
         notes,
     )
+
+
+def _unlocked(stack: PointStack, A: Array, rows: Array) -> Array:
+    """Rows of channels, zero where joints and ground lock the motion: its response would be rounding and nothing else.
+
+    The points of a flexible body move independently, those of a rigid body together.
+    """
+    every = np.vstack([A, rows])
+    parts = [every[:, :0]]
+    for name, sub in stack.substructures.items():
+        own = every[:, stack.body_columns(name)]
+        together = sub.omega is None and sub.rigid.shape[1] == sub.m
+        parts.append(own @ dense(stack.motions(name)) if together else own)
+    every = np.hstack(parts)
+    locks, channels = every[: len(A)], every[len(A) :]
+    touched = locks.any(axis=0)
+    rows = rows.copy()
+    for row, channel in zip(rows, channels, strict=True):
+        if channel.any() and not channel[~touched].any():
+            left = channel[touched] - la.lstsq(locks[:, touched].T, channel[touched])[0] @ locks[:, touched]
+            if np.linalg.norm(left) <= DEPENDENT * np.linalg.norm(channel):
+                row[:] = 0.0
+    return rows
 
 
 def assemble(
@@ -265,7 +292,9 @@ def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], g
     """Rigid motions that the joints allow, in which no body is strained (sum m_i, R)."""
     rigid = la.block_diag(*[sub.rigid for sub in substructures.values()])
     # A unit motion of a rigid body and a motion of unit modal mass of a heavy one differ by many decades.
-    size = np.linalg.norm(dense(A @ rigid), axis=0)
-    rigid = rigid / np.where(size > 0, size, 1.0)
+    size, at = np.linalg.norm(dense(A @ rigid), axis=0), 0
+    for sub in substructures.values():
+        own = slice(at, at := at + sub.rigid.shape[1])
+        rigid[:, own] /= size[own].max(initial=0.0) or 1.0
     N, _ = null_space(dense(A @ rigid), _OVER_GAP * gap)
     return np.asarray(rigid @ N)

@@ -179,3 +179,13 @@ def test_files_of_other_programs(shared_data: Path, tmp_path: Path, file: str, n
     (tmp_path / "copy").write_bytes(read_head(shared_data / file, 1 << 24))
     assert file_kind(tmp_path / "copy").name == name
     expect_kind(tmp_path / "nothing", "pipeline")
+
+
+@pytest.mark.parametrize("text", ['{"name": "bracket", "components": {}}', '{\n "components": {"a": {}},\n "scene": {}\n}'])
+def test_a_pipeline_in_json_is_a_pipeline(tmp_path: Path, text: str) -> None:
+    path, summary = tmp_path / "study.json", tmp_path / "summary.json"
+    path.write_text(text)
+    summary.write_text('{\n  "name": "bracket",\n  "version": "0.2",\n  "components": {}\n}')
+    expect_kind(path, "pipeline")
+    with pytest.raises(ReadError, match="this is the summary of a run, not a pipeline"):
+        expect_kind(summary, "pipeline")

@@ -43,6 +43,8 @@ def test_undamped_resonances_are_stepped_around():
     w = frequency_grid((1.0, 2.0), 40, omega, np.zeros(1))
     assert 0 < abs(w - omega).min() < 1e-4 * omega[0]
     assert np.isfinite(power(w, omega[0], 0.0)).all()
+    # A damping matrix that does not reach a mode leaves it a ratio of rounding.
+    np.testing.assert_array_equal(frequency_grid((1.0, 2.0), 40, omega, np.array([3e-17])), w)
 
 
 def test_no_resonances():

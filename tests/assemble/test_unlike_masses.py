@@ -1,0 +1,70 @@
+"""Bodies far lighter or heavier than the unit of mass, and channels that joints and ground lock."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.assemble import PointStack, assemble, rigid_substructure, system_modes, wire
+from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.model import Configuration, Point, Scene, rigid_body_shapes
+from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body
+from tests.frames import frame, line
+
+ELBOW = [1.0, 0.4, 0.0]
+STATOR = frame("stator", [[0, 0, 0], [0.5, 0.3, 0.1], ELBOW], [(1, 2), (2, 3)], {"root": 1, "elbow": 3})
+ROTOR = frame("rotor", [ELBOW, [1.4, 0.4, 0.0], [1.8, 0.2, 0.3]], [(1, 2), (2, 3)], {"elbow": 1, "tip": 3})
+BOX = rigid_body("box", 4.0, [1.9, 0.2, 0.4], [0.05, 0.06, 0.07], {"foot": [1.8, 0.2, 0.3]})
+JOINTS = (joint("hinge", "stator.elbow", "rotor.elbow", "rz"), joint("mount", "rotor.tip", "box.foot", "ry"))
+
+
+def system(factor: float, *, grounded: bool = True):
+    """Dofs, modes and a rigid body in one scene, all with so many times their mass and stiffness."""
+    stator, rotor = (replace(body, K=body.K * factor, M=body.M * factor) for body in (STATOR, ROTOR))
+    box = replace(BOX, mass=BOX.mass * factor, inertia=BOX.inertia * factor)
+    subs = {"stator": physical(stator), "rotor": modal(rotor), "box": rigid_substructure(box)}
+    ground = (Point("stator", "root"),) if grounded else ()
+    scene = Scene(tuple(subs), (0.0, 1.0), JOINTS, ground=ground)
+    return assemble(subs, scene, Configuration("now", {("hinge", 5): 0.6}))
+
+
+@pytest.mark.parametrize("grounded", [True, False])
+@pytest.mark.parametrize("factor", [1e-16, 1e-9, 1e9, 1e14])
+def test_modes_do_not_depend_on_the_mass(factor, grounded):
+    usual, found = system(1.0, grounded=grounded), system(factor, grounded=grounded)
+    assert found.rigid.shape == usual.rigid.shape == (usual.N, 2 + 6 * (not grounded))
+    (w, X), (exact, _) = system_modes(found, 3e3), system_modes(usual, 3e3)
+    np.testing.assert_allclose(w, exact, rtol=1e-8)
+    # Coordinates are scaled and give back all motions.
+    shapes = np.asarray(found.T @ X)
+    weight = 1.0 if found.scale is None else found.scale[:, None] ** -2
+    np.testing.assert_allclose(found.T.T @ (weight * shapes), X, atol=1e-9 * abs(X).max())
+
+
+def test_rotations_of_a_body_of_micrometres_keep_their_digits():
+    bar = line("bar", [0, 0, 0], [1.0, 0, 0], 6)
+    length = np.where(bar.dofs.component <= 3, 1e-6, 1.0)
+    small = sp.diags_array(1 / length)
+    K, M = (sp.csc_array(1e-6 * (small @ A @ small)) for A in (bar.K, bar.M))
+    nodes = replace(bar.nodes, xyz=bar.nodes.xyz * 1e-6)
+    rigid = rigid_body_modes(K, M, rigid_body_shapes(bar.dofs, nodes), 2.0**-53, "bar")
+    assert rigid.shape[1] == 6
+    np.testing.assert_allclose(rigid.T @ (M @ rigid), np.eye(6), atol=1e-12)
+
+
+def test_a_channel_that_joints_and_ground_lock_has_no_response():
+    """At the ground, across a weld, and on a rigid body that the ground holds at another point: exactly zero."""
+    plate = rigid_body("plate", 4.0, [0.9, 0.2, 0.4], [0.05, 0.06, 0.07], {"a": [0, 0, 0], "foot": [0.3, 0, 0]})
+    bar = line("bar", [0, 0, 0], [1, 0, 0], 2)
+    subs = {"bar": physical(bar), "plate": rigid_substructure(plate)}
+    ports = (at("plate.foot", "y"), at("bar.a", "rx"), at("bar.b", "z"), at("bar.b", "z", rate=True, name="rate"))
+    scene = Scene(
+        tuple(subs), (0.0, 1.0), (joint("j", "bar.a", "plate.a"),), sensors=ports, ground=(Point("plate", "foot"),)
+    )
+    stack = PointStack(subs)
+    wired = wire(stack, scene, scene.configurations[0])
+    moving = wired.C1.any(axis=1) | wired.C2.any(axis=1)
+    assert moving.tolist() == [False, False, True, True]
+    free = replace(scene, joints=(joint("j", "bar.a", "plate.a", "rx"),), sensors=(*ports, in_joint("j", "rx")))
+    assert wire(stack, free, free.configurations[0]).C1.any(axis=1).tolist() == [False, True, True, False, True]
