@@ -43,7 +43,7 @@ _TILE = 128
 _DEPENDENT = 1e-7
 # Motions named in a message.
 _NAMED = 8
-# Scales of the coordinates that differ by less need no balance: the least mass then keeps eight digits beside the others.
+# Scales of coordinates that differ by less need no balance: the least mass then keeps eight digits beside the others.
 _ALIKE = 1e4
 
 
@@ -205,8 +205,8 @@ def constraint_space(A: sp.csr_array, scale: Array | None = None) -> ConstraintS
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     V_all = sp.csc_array(sp.coo_array(entries, shape=(n, rank)))
     # Dense only where the reduced coordinates are at most twice those in constraints.
-    V = V_all if np.count_nonzero(~touched) >= _MOSTLY_FREE * n else V_all.toarray()
-    return ConstraintSpace(V, kept, scale)
+    mostly_free = np.count_nonzero(~touched) >= _MOSTLY_FREE * n
+    return ConstraintSpace(V_all if mostly_free else V_all.toarray(), kept, scale)
 
 
 def _filled(rows: sp.csr_array) -> NDArray[np.bool_]:

@@ -9,9 +9,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Matrix, Point, Substructure
 
-__all__ = ["PointStack"]
+__all__ = ["PointStack", "balanced"]
 
 
 class PointStack:
@@ -79,6 +80,22 @@ class PointStack:
             return sp.csr_array(sp.hstack([sp.csr_array(part) @ sp.csr_array(L) for part, L in own]))
         # For bodies in a few modes, sparse products would take most of their time for indices.
         return sp.csr_array(np.hstack([part @ np.asarray(L) for part, L in own]))
+
+
+def balanced(rows: NDArray[np.float64], shapes: Matrix) -> NDArray[np.float64]:
+    """Constraints (c, k) on motions of a body, scaled by one number: its heavy modes count as those of a light body.
+
+    Parameters
+    ----------
+    rows : (c, p) float64
+        Constraints over the motions of the body's points.
+    shapes : (p, k) Matrix
+        Motions of the points.
+    """
+    # The largest sum of absolute terms: what cancels is not made large.
+    terms = abs(sp.csr_array(rows)) @ abs(sp.csr_array(shapes))
+    size = float(terms.max()) if terms.nnz else 0.0
+    return np.asarray(dense(rows @ shapes) / (size or 1.0))
 
 
 def _stacked(sub: Substructure) -> Matrix:

@@ -20,7 +20,7 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, null_space
 from cmsreduce.model import Channel, Configuration, Matrix, Placement, PointTerm, Scene, StrutTerm, Substructure, System
 
-__all__ = ["Wiring", "assemble", "channel_rows", "wire"]
+__all__ = ["Wiring", "assemble", "balanced_rigid", "channel_rows", "wire"]
 
 Array = NDArray[np.float64]
 
@@ -288,13 +288,21 @@ def _or_zero(block: Matrix | None, m: int) -> Matrix:
     return sp.csc_array((m, m)) if block is None else block
 
 
+def balanced_rigid(A: Matrix | sp.csr_array, motions: Sequence[Array]) -> Array:
+    """Rigid motions of all bodies, (sum m_i, sum r_i), those of each scaled by one number to weights of one size in A.
+
+    A unit motion of a rigid body and a motion of unit modal mass of a heavy one differ by many decades.
+    """
+    rigid, at = la.block_diag(*motions), 0
+    size = dense(abs(sp.csr_array(A)) @ abs(rigid)).max(axis=0, initial=0.0)
+    for own in motions:
+        columns = slice(at, at := at + own.shape[1])
+        rigid[:, columns] /= size[columns].max(initial=0.0) or 1.0
+    return rigid
+
+
 def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], gap: float) -> Array:
     """Rigid motions that the joints allow, in which no body is strained (sum m_i, R)."""
-    rigid = la.block_diag(*[sub.rigid for sub in substructures.values()])
-    # A unit motion of a rigid body and a motion of unit modal mass of a heavy one differ by many decades.
-    size, at = np.linalg.norm(dense(A @ rigid), axis=0), 0
-    for sub in substructures.values():
-        own = slice(at, at := at + sub.rigid.shape[1])
-        rigid[:, own] /= size[own].max(initial=0.0) or 1.0
+    rigid = balanced_rigid(A, [sub.rigid for sub in substructures.values()])
     N, _ = null_space(dense(A @ rigid), _OVER_GAP * gap)
     return np.asarray(rigid @ N)

@@ -181,7 +181,9 @@ def test_files_of_other_programs(shared_data: Path, tmp_path: Path, file: str, n
     expect_kind(tmp_path / "nothing", "pipeline")
 
 
-@pytest.mark.parametrize("text", ['{"name": "bracket", "components": {}}', '{\n "components": {"a": {}},\n "scene": {}\n}'])
+@pytest.mark.parametrize(
+    "text", ['{"name": "bracket", "components": {}}', '{\n "components": {"a": {}},\n "scene": {}\n}']
+)
 def test_a_pipeline_in_json_is_a_pipeline(tmp_path: Path, text: str) -> None:
     path, summary = tmp_path / "study.json", tmp_path / "summary.json"
     path.write_text(text)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.points import PointStack, balanced
 from cmsreduce.assemble.response.modal_terms import (
     Change,
     Columns,
@@ -235,7 +235,9 @@ class ModalReceptance:
         # As in the coupling of complete bodies: joints that lock one motion of the bodies twice count once.
         A = self._rows.left[: self._rows.c]
         rows = [
-            A[:, self._columns[name]] @ L[:, self._present(name, kept)] for name, L in self._motions.items() if L.size
+            balanced(A[:, self._columns[name]], L[:, self._present(name, kept)])
+            for name, L in self._motions.items()
+            if L.size
         ]
         return row_basis(np.hstack([np.zeros((self._rows.c, 0)), *rows]))
 

@@ -30,9 +30,9 @@ import scipy.linalg as la
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.points import PointStack, balanced
 from cmsreduce.assemble.response.receptance import is_diagonal, modal_weights
-from cmsreduce.assemble.system import Wiring
+from cmsreduce.assemble.system import Wiring, balanced_rigid
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import null_space, row_basis
 from cmsreduce.linalg.response import frequency_blocks
@@ -85,7 +85,10 @@ class JoinedRows:
     def of(cls, wiring: Wiring, stack: PointStack | None = None) -> JoinedRows:
         """Collect the rows of a configuration; with a stack, without constraints that are dependent in its motions."""
         # Joints that lock one motion of a reduced body twice would leave lambda undetermined.
-        A = wiring.A if stack is None else row_basis(dense(stack.spread(wiring.A))) @ wiring.A
+        A = wiring.A
+        if stack is not None:
+            parts = [balanced(A[:, stack.body_columns(name)], stack.motions(name)) for name in stack.substructures]
+            A = row_basis(np.hstack(parts)) @ A
         displacement, rate = (np.flatnonzero(rows.any(axis=1)) for rows in (wiring.C1, wiring.C2))
         left = np.vstack([A, wiring.C1[displacement], wiring.C2[rate]])
         measured = tuple(displacement.tolist()), tuple(rate.tolist())
@@ -219,7 +222,7 @@ def _near_modes(stack: PointStack, joined: JoinedRows, columns: Mapping[str, Int
         la.block_diag(*[_part(getattr(sub, letter), columns[name]) for name, sub in bodies.items()])
         for letter in ("K", "M", "D", "loss")
     )
-    rigid = la.block_diag(*[sub.rigid[columns[name]] for name, sub in bodies.items()])
+    rigid = balanced_rigid(left[:c], [sub.rigid[columns[name]] for name, sub in bodies.items()])
     free = la.qr(rigid @ null_space(left[:c] @ rigid)[0], mode="economic")[0]
     f = free.shape[1]
     if f:

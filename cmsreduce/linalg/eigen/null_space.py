@@ -154,7 +154,8 @@ def rigid_body_modes(
     mass = M.diagonal()
     least = float(mass[mass > 0].min(initial=mass.max(initial=0.0))) or 1.0
     size = np.sqrt(np.where(mass > 0, mass, least))
-    shapes = np.linalg.qr(size[:, None] * shapes)[0] / size[:, None]
+    # Combinations of rigid motions strain nothing; quotients of the rows of a basis would, by their rounding.
+    shapes = la.solve_triangular(np.linalg.qr(size[:, None] * shapes, mode="r"), shapes.T, trans="T").T
     gram = shapes.T @ (M @ shapes)
     weight, V = la.eigh(gram)
     if weight[0] <= DEPENDENT * weight[-1] * 1e-3 or weight[-1] <= 0:
