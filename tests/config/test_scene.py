@@ -102,14 +102,17 @@ def test_sensors(galileo):
     scene = scene_of(
         galileo,
         "scene.sensors.tip={at: rotor.1200, measure: z}",
+        "scene.sensors.corner={at: rotor.1200, measure: [rx, y]}",
         "scene.sensors.resolver={joint: spin, rate: true}",
         "scene.sensors.gap={between: [rotor.1, platform.cg]}",
         "scene.sensors.tilt={rows: {rotor.5.rx: 0.5, platform.hinge.4: -0.5}}",
     )
     names = [sensor.name for sensor in scene.sensors]
-    assert names == ["gyro.rx", "gyro.ry", "gyro.rz", "los", "tip", "resolver", "gap", "tilt"]
+    motions = ["gyro.rx", "gyro.ry", "gyro.rz", "los", "tip"]
+    # In the order of the file, as the inputs of a controller.
+    assert names == [*motions, "corner.rx", "corner.y", "resolver", "gap", "tilt"]
     by_name = dict(zip(names, scene.sensors, strict=True))
-    assert [by_name[name].rate for name in names] == [True, True, True, False, False, True, False, False]
+    assert [by_name[name].rate for name in names] == [True, True, True, *[False] * 4, True, False, False]
     np.testing.assert_array_equal(by_name["gyro.ry"].terms[0].direction, [0, 0, 0, 0, 1, 0])
     first, second = by_name["los"].terms
     assert isinstance(first, PointTerm) and isinstance(second, PointTerm)
