@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from decimal import Decimal
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cmsreduce.read.labelled_matrix import DOUBLE
 
 __all__ = [
     "coordinate_rounding",
+    "decimals",
     "digits_of",
     "number_of",
     "printed_rounding",
@@ -31,10 +32,14 @@ _FEWEST_ALIKE = 4
 _FEWEST_MIXED = 6
 # Numbers examined at each end of a file: a program prints all of a matrix with one format.
 _ENDS = 1000
-# Nodes whose coordinates are examined, spread over a file: one program prints all of them.
-_NODES = 2000
-# A number of up to this many digits (600., 0.375, 12.5) was typed or fits its field; a longer one was cut to fit.
-_EXACT_DIGITS = 5
+# Coordinates examined, spread over a file: one program prints all of them.
+_COORDINATES = 6000
+# A number of up to this many digits (600., 0.375, 12.5) was typed, and is exact; a longer one is rounded at its last
+# digit. A narrow field leaves no room for more digits than it shows.
+_EXACT_DIGITS, _EXACT_IN_FIELD = 5, 3
+# Bytes of a file of a library in which its coordinates are sought as printed, and numbers with a decimal point.
+_SEARCHED = 1 << 20
+_DECIMAL = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[EeDd][+-]?\d+)?")
 
 
 def real_number(text: str) -> float | None:
@@ -136,34 +141,70 @@ def stops_in_a_number(numbers: Sequence[str]) -> bool:
     return len(texts[-1]) < min(len(text) for text in before)
 
 
-def printed_rounding(values: ArrayLike) -> NDArray[np.float64]:
+def printed_rounding(texts: Sequence[str], field: int | None = None) -> NDArray[np.float64]:
     """Half a unit in the last printed place of each number, zero for short numbers.
-
-    The digits are those of the shortest decimal that reads back as the number, trailing zeros dropped.
 
     Parameters
     ----------
-    values : array_like
-        Numbers as read from text.
+    texts : sequence of str
+        Numbers as printed. Trailing zeros are digits: 0.300000 is known to 5e-7, 0.3 is exact.
+    field : int, optional
+        Width of the fields; a number that fills its field was cut to fit.
 
     Returns
     -------
-    float64 array of the same shape
+    (k,) float64
 
     Examples
     --------
-    >>> printed_rounding([600.0, 0.333333, 1234567.0]).tolist()
-    [0.0, 5e-07, 0.5]
+    >>> printed_rounding(["600.", "0.333333", "1234567.", "3.000000E+01"]).tolist()
+    [0.0, 5e-07, 0.5, 5e-06]
+    >>> printed_rounding([".0012345", "0.001234", "0.00125"], field=8).tolist()
+    [5e-08, 5e-07, 0.0]
     """
-    values = np.asarray(values, dtype=np.float64)
-    out = np.zeros(values.size)
-    for k, value in enumerate(values.ravel().tolist()):
-        digits = Decimal(repr(value)).normalize().as_tuple()
-        if isinstance(digits.exponent, int) and len(digits.digits) > _EXACT_DIGITS:
-            out[k] = 0.5 * 10.0**digits.exponent
-    return out.reshape(values.shape)
+    out = np.zeros(len(texts))
+    for k, text in enumerate(texts):
+        fills = field is not None and len(text.strip()) == field
+        if digits_of(text) > (_EXACT_IN_FIELD if fills else _EXACT_DIGITS):
+            mantissa, exponent = _NASTRAN_REAL.match(text.strip().upper()).groups()  # type: ignore[union-attr]
+            out[k] = 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+    return out
 
 
-def coordinate_rounding(xyz: NDArray[np.float64]) -> float:
-    """Largest rounding of printed coordinates (N, 3), judged on nodes spread over the file."""
-    return float(printed_rounding(xyz[:: max(1, len(xyz) // _NODES)]).max(initial=0.0))
+def coordinate_rounding(texts: Sequence[str], field: int | None = None) -> float:
+    """Largest rounding of printed coordinates.
+
+    Numbers spread over the file are examined, because one program prints all of them. Coordinates without printed
+    digits of their own are given by `decimals`.
+    """
+    # No multiple of three, which would leave out two of x, y and z.
+    step = len(texts) // _COORDINATES
+    return float(printed_rounding(texts[:: max(1, step + (step % 3 == 0))], field).max(initial=0.0))
+
+
+def decimals(path: Path, xyz: NDArray[np.float64]) -> list[str]:
+    """Coordinates (N, 3) that a library read from a file, as the file prints them.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    xyz : (N, 3) float64
+        Coordinates.
+
+    Returns
+    -------
+    list of str
+        Texts of nodes spread over the file; of a binary file, and of nodes that are not printed as three numbers in a
+        row, the shortest decimals that read back as the numbers.
+    """
+    wanted = xyz[:: max(1, 3 * len(xyz) // _COORDINATES)].tolist()
+    printed: dict[tuple[float, ...], tuple[str, ...]] = {}
+    head = path.read_bytes()[:_SEARCHED] if path.is_file() else b""
+    words = [] if b"\0" in head else _DECIMAL.findall(head.decode("latin-1"))
+    values = [real_number(word) for word in words]
+    sought = {tuple(place) for place in wanted}
+    for at in range(len(words) - 2):
+        if (place := tuple(values[at : at + 3])) in sought:
+            printed[place] = tuple(words[at : at + 3])  # type: ignore[index]
+    return [text for place in wanted for text in printed.get(tuple(place), map(repr, place))]

@@ -12,7 +12,7 @@ from cmsreduce.model import Nodes
 from cmsreduce.read.ansys.full_file import RESULT, binary_kind, library_refused
 from cmsreduce.read.formats import Geometry, GeometryFormat
 from cmsreduce.read.libraries import Arrays, arrays_of, cells_of
-from cmsreduce.read.printed_numbers import coordinate_rounding
+from cmsreduce.read.printed_numbers import coordinate_rounding, decimals
 
 __all__ = ["NODE_FILE"]
 
@@ -43,7 +43,7 @@ def _read_nodes(path: Path) -> Geometry:
         )
     if not number.size:
         raise ReadError(f"{path}: there are no nodes in it; write them with CDWRITE,DB")
-    return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(xyz)))
+    return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(decimals(path, xyz))))
 
 
 NODE_FILE = GeometryFormat(

@@ -33,20 +33,20 @@ _SEPARATORS = (re.compile(r"\s*[\t;]\s*"), re.compile(r"\s+"), re.compile(r"\s*,
 # NLIST prints five digits.
 _NLIST_DIGITS = 5
 
-Row = tuple[int, list[float]]
+Row = tuple[int, list[float], list[str]]
 
 
 def _row(line: str, separator: re.Pattern[str]) -> Row | None:
-    """Node id, and the numbers after it; None if the line is something else."""
+    """Node id, the numbers after it, and their texts; None if the line is something else."""
     if len(line) > _LONGEST_LINE:
         return None
     fields = separator.split(line.strip().strip(";\t"))
     decimal = separator is not _SEPARATORS[-1]
     if len(fields) < 4 or not _ID.fullmatch(fields[0]):
         return None
-    numbers = [real_number(field.replace(",", ".") if decimal else field) for field in fields[1:] if field]
-    known = [number for number in numbers if number is not None]
-    return (int(fields[0]), known) if len(known) == len(numbers) >= 3 else None
+    texts = [field.replace(",", ".") if decimal else field for field in fields[1:] if field]
+    known = [number for number in map(real_number, texts) if number is not None]
+    return (int(fields[0]), known, texts) if len(known) == len(texts) >= 3 else None
 
 
 def _separator(line: str) -> re.Pattern[str] | None:
@@ -90,6 +90,7 @@ def _read_listing(path: Path) -> Geometry:
     """
     ids: list[int] = []
     numbers: list[list[float]] = []
+    texts: list[str] = []
     heading: set[str] = set()
     separator = None
     for at, line in enumerate(read_text(path).splitlines(), start=1):
@@ -108,13 +109,14 @@ def _read_listing(path: Path) -> Geometry:
             )
         ids.append(row[0])
         numbers.append(row[1])
+        texts += row[2][:3]
         if any(row[1][3:]):
             raise ReadError(
                 f"{path}, line {at}: the displacements of node {row[0]} are along turned axes (THXY, THYZ, THZX), "
                 "which are not read from a listing; give a .cdb or .rst file as geometry"
             )
     xyz = np.array([row[:3] for row in numbers]).reshape(-1, 3)
-    rounding = coordinate_rounding(xyz)
+    rounding = coordinate_rounding(texts)
     if any(len(row) > 3 for row in numbers):
         largest = float(np.abs(xyz).max(initial=0.0))
         decade = 10.0 ** math.ceil(math.log10(largest)) if largest else 0.0

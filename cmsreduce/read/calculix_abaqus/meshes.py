@@ -83,6 +83,7 @@ def _read_frd(path: Path) -> Geometry:
     """
     ids: list[int] = []
     xyz: list[list[float]] = []
+    texts: list[str] = []
     with path.open(encoding="utf-8", errors="replace") as stream:
         numbered = enumerate(stream, start=1)
         header = next((line for _, line in numbered if line.startswith("    2C")), None)
@@ -97,7 +98,8 @@ def _read_frd(path: Path) -> Geometry:
                 break
             try:
                 ids.append(int(line[_FRD_KEY:start]))
-                xyz.append([float(line[at : at + _FRD_REAL]) for at in range(start, start + 3 * _FRD_REAL, _FRD_REAL)])
+                texts += [line[at : at + _FRD_REAL] for at in range(start, start + 3 * _FRD_REAL, _FRD_REAL)]
+                xyz.append([float(text) for text in texts[-3:]])
             except ValueError:
                 raise ReadError(
                     f"{path}, line {number}: '{line.rstrip()[:60]}' is no node; the file is damaged"
@@ -106,7 +108,7 @@ def _read_frd(path: Path) -> Geometry:
     if announced.isdigit() and int(announced) != len(ids):
         raise ReadError(f"{path}: {announced} nodes are announced and {len(ids)} are there; the file is truncated")
     points = np.array(xyz).reshape(-1, 3)
-    rounding = coordinate_rounding(points)
+    rounding = coordinate_rounding(texts)
     expansion = expansion_beside(path)
     if expansion is None:
         return Geometry.of_mesh(path, Nodes.in_basic(ids, points, rounding))
@@ -150,7 +152,7 @@ def _read_input(path: Path) -> Geometry:
     """
     parts: dict[str, Coordinates] = {}
     nodes: Coordinates = {}
-    target = nodes
+    target, rounding = nodes, 0.0
     instance: Block | None = None
     deck = list(blocks(path))
     for block in deck:
@@ -169,18 +171,19 @@ def _read_input(path: Path) -> Geometry:
             _merge(nodes, _placed(target, instance), instance.where)
             instance, target = None, nodes
         elif block.keyword == "NODE":
-            _merge(target, _node_lines(block), block.where)
+            more, off = _node_lines(block)
+            _merge(target, more, block.where)
+            rounding = max(rounding, off)
     if not nodes:
         raise ReadError(f"{path}: there are no nodes in it (no *NODE in the assembly)")
-    return _with_rows(path, deck, nodes)
+    return _with_rows(path, deck, nodes, rounding)
 
 
-def _with_rows(path: Path, deck: list[Block], nodes: Coordinates) -> Geometry:
+def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: float) -> Geometry:
     """Geometry of the nodes of a deck: its sets and supports, and the nodes that CalculiX makes of shells and beams."""
     sets = deck_sets(deck, {name: count for name, (_, count) in _INPUT_CELLS.items()})
     turning = rotation_nodes(deck, sets, max(nodes))
     held = supports(deck, sets, turning)
-    rounding = coordinate_rounding(np.array(list(nodes.values())))
     expansion = expansion_beside(path)
     if expansion is not None and any(sets.topology.get(each.number) != each.nodes for each in expansion.elements):
         # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
@@ -215,8 +218,8 @@ def _input_cells(path: Path) -> Iterator[tuple[str, list[int]]]:
             yield kind, [nodes[0], nodes[-1]] if kind == "line" else list(nodes[: CELL_CORNERS[kind]])
 
 
-def _node_lines(block: Block) -> Coordinates:
-    """Nodes of one *NODE block: id, x, y, z, absent coordinates zero."""
+def _node_lines(block: Block) -> tuple[Coordinates, float]:
+    """Nodes of one *NODE block, absent coordinates zero, and their rounding."""
     if block.options.get("SYSTEM", "R").upper()[:1] != "R":
         raise ReadError(f"{block.where}: cylindrical and spherical coordinates are not read; write rectangular ones")
     path, data = block.path, block.data
@@ -224,18 +227,20 @@ def _node_lines(block: Block) -> Coordinates:
         path = block.path.parent / block.options["INPUT"]
         data = list(enumerate(read_text(path, f"{block.where}: {path}").splitlines(), start=1))
     out: Coordinates = {}
+    texts: list[str] = []
     for number, line in data:
         if not line.strip() or line.startswith("**"):
             continue
         fields = [text.strip() for text in line.split(",")]
         try:
             xyz = tuple(float(text.upper().replace("D", "E") or 0) for text in (*fields[1:4], "", "", ""))[:3]
+            texts += fields[1:4]
             if len(fields[0]) > LONGEST_ID:
                 raise ValueError
             out[int(fields[0])] = xyz
         except ValueError:
             raise ReadError(f"{path}, line {number}: '{line.strip()[:60]}' is no node: id, x, y, z") from None
-    return out
+    return out, coordinate_rounding(texts)
 
 
 def _placed(nodes: Coordinates, instance: Block) -> Coordinates:

@@ -14,7 +14,7 @@ from cmsreduce.read.files import is_med
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
 from cmsreduce.read.labelled_matrix import SINGLE
 from cmsreduce.read.libraries import Arrays, arrays_of, cells_of
-from cmsreduce.read.printed_numbers import coordinate_rounding
+from cmsreduce.read.printed_numbers import coordinate_rounding, decimals
 
 __all__ = ["MESH"]
 
@@ -30,7 +30,7 @@ def _mesh_geometry(path: Path) -> Geometry:
         raise ReadError(f"{path}: its points have no coordinates x, y, z; write the mesh again")
     xyz = np.zeros((len(points), 3))
     xyz[:, : points.shape[1]] = points
-    rounding = coordinate_rounding(xyz)
+    rounding = coordinate_rounding(decimals(path, xyz))
     if points.dtype == np.float32:
         rounding = max(rounding, float(np.abs(xyz).max(initial=0.0)) * SINGLE)
     number = _numbers(arrays)

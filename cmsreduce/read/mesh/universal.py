@@ -14,7 +14,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.formats import Geometry, GeometryFormat
 from cmsreduce.read.libraries import Arrays, arrays_of, cells_of
-from cmsreduce.read.printed_numbers import coordinate_rounding
+from cmsreduce.read.printed_numbers import coordinate_rounding, decimals
 
 __all__ = ["UNIVERSAL", "universal_arrays"]
 
@@ -64,7 +64,7 @@ def _read_nodes(path: Path) -> Geometry:
             f"{path}: the displacements of {own.size} nodes are along turned axes (dataset 2420), the first is node "
             f"{number[own[0]]}, and such axes are not read yet; write matrices and nodes along the basic axes"
         )
-    return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(xyz)))
+    return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(decimals(path, xyz))))
 
 
 UNIVERSAL = GeometryFormat(

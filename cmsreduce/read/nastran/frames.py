@@ -9,10 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.nastran.cards import Cards
+from cmsreduce.read.nastran.cards import Card, Cards
 from cmsreduce.read.printed_numbers import printed_rounding
 
-__all__ = ["BASIC", "FRAME_CARDS", "CoordinateSystem", "FrameChain", "FrameDefinition", "Grid", "frame_definitions"]
+__all__ = [
+    "BASIC",
+    "FRAME_CARDS",
+    "CoordinateSystem",
+    "FrameChain",
+    "FrameDefinition",
+    "Grid",
+    "frame_definitions",
+    "printed_by",
+]
 
 _KINDS = {"R": "rectangular", "C": "cylindrical", "S": "spherical"}
 _BY_POINTS = {f"CORD2{letter}": kind for letter, kind in _KINDS.items()}
@@ -24,6 +33,8 @@ FRAME_CARDS = frozenset({*_BY_POINTS, *_BY_GRIDS})
 _ON_AXIS = 1e-7
 # Below this the sine of the angle between AB and AC is round-off of eight printed digits.
 _COLLINEAR = 1e-7
+# Columns of a field; a number that fills it was cut to fit.
+_FIELD = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,6 +212,8 @@ class FrameDefinition:
         Origin, a point on the z axis, a point in the xz plane; empty for a system through grids.
     grids : tuple of int
         Grids at these three points, in place of ``points``.
+    rounding : tuple of 9 float
+        Rounding of ``points`` as printed.
     """
 
     id: int
@@ -209,6 +222,12 @@ class FrameDefinition:
     reference: int = 0
     points: tuple[float, ...] = ()
     grids: tuple[int, ...] = ()
+    rounding: tuple[float, ...] = field(default=(0.0,) * 9, compare=False)
+
+
+def printed_by(card: Card, first: int, end: int) -> tuple[float, ...]:
+    """Rounding of the numbers in some fields of a card."""
+    return tuple(printed_rounding([card.text(k) for k in range(first, end)], _FIELD).tolist())
 
 
 def frame_definitions(cards: Cards) -> dict[int, FrameDefinition]:
@@ -223,7 +242,8 @@ def frame_definitions(cards: Cards) -> dict[int, FrameDefinition]:
     for name, kind in _BY_POINTS.items():
         for card in cards.get(name, ()):
             points = tuple(card.real(k) for k in range(2, 11))
-            found.append(FrameDefinition(card.integer(0), kind, card.where, card.integer(1, 0), points))
+            number, reference, rounding = card.integer(0), card.integer(1, 0), printed_by(card, 2, 11)
+            found.append(FrameDefinition(number, kind, card.where, reference, points, rounding=rounding))
     for name, kind in _BY_GRIDS.items():
         for card in cards.get(name, ()):
             for start in (0, 4):
@@ -240,13 +260,17 @@ def frame_definitions(cards: Cards) -> dict[int, FrameDefinition]:
 
 @dataclass(frozen=True)
 class Grid:
-    """A GRID card: coordinates ``x`` in system ``cp``, displacements in system ``cd``, sorted constraints ``ps``."""
+    """A GRID card: coordinates ``x`` in system ``cp``, displacements in system ``cd``, sorted constraints ``ps``.
+
+    ``rounding`` is that of ``x`` as printed.
+    """
 
     cp: int
     x: tuple[float, float, float]
     where: str = field(compare=False)
     cd: int = 0
     ps: str = ""
+    rounding: tuple[float, ...] = field(default=(0.0,) * 3, compare=False)
 
 
 class FrameChain:
@@ -302,8 +326,8 @@ class FrameChain:
         """Transform one definition into basic."""
         if definition.points:
             parent = self._system(definition.reference, definition.where, waiting)
-            given = np.reshape(definition.points, (3, 3))
-            points, rounding = parent.to_basic(given), parent.position_rounding(given, printed_rounding(given))
+            given, off = (np.reshape(each, (3, 3)) for each in (definition.points, definition.rounding))
+            points, rounding = parent.to_basic(given), parent.position_rounding(given, off)
             turn = parent.angle_rounding
         else:
             placed = [self._grid(grid, definition.where, waiting) for grid in definition.grids]
@@ -320,4 +344,4 @@ class FrameChain:
         grid = self._grids[id]
         system = self._system(grid.cp, grid.where, waiting)
         x = np.array([grid.x])
-        return system.to_basic(x)[0], float(system.position_rounding(x, printed_rounding(x))[0])
+        return system.to_basic(x)[0], float(system.position_rounding(x, np.array([grid.rounding]))[0])

@@ -13,8 +13,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import KEY_STEP, Nodes
 from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable
 from cmsreduce.read.nastran.dof_sets import Points, id_ranges
-from cmsreduce.read.nastran.frames import FRAME_CARDS, FrameChain, Grid, frame_definitions
-from cmsreduce.read.printed_numbers import printed_rounding
+from cmsreduce.read.nastran.frames import FRAME_CARDS, FrameChain, Grid, frame_definitions, printed_by
 
 __all__ = ["GRID_CARDS", "Grids", "read_grids", "read_points", "scalar_points"]
 
@@ -68,7 +67,11 @@ class Grids(Mapping[int, Grid]):
         """Grid by its position."""
         x, y, z = self.x[row].tolist()
         where = f"{self.cards[row].where} {self.id[row]}"
-        return Grid(int(self.cp[row]), (x, y, z), where, int(self.cd[row]), self.held[row])
+        return Grid(int(self.cp[row]), (x, y, z), where, int(self.cd[row]), self.held[row], self.rounding(row))
+
+    def rounding(self, row: int) -> tuple[float, ...]:
+        """Rounding of the three coordinates as printed."""
+        return printed_by(self.cards[row], 2, 5)
 
 
 def read_grids(cards: Cards) -> Grids:
@@ -187,7 +190,7 @@ def read_points(cards: Cards) -> tuple[Nodes, Points, NDArray[np.int64]]:
     x, count = grids.x, len(grids)
     spread = np.unique(np.linspace(0, max(count - 1, 0), min(count, _SAMPLE)).astype(int))
     printed = np.zeros_like(x)
-    printed[spread] = printed_rounding(x[spread])
+    printed[spread] = [grids.rounding(row) for row in spread.tolist()]
     xyz, rounding = np.zeros_like(x), np.zeros(count)
     for cp, at in _places(grids.cp):
         system = chain.system(cp, grids.at(at[0]).where)

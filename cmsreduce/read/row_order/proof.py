@@ -41,6 +41,8 @@ class RowOrderProof:
         Reason why there is no proof, or how a held body was proven; empty if all motions vanish.
     rounding, noise : float
         Errors of K that explain the forces, as in ``FEModel``; 0 without a proof.
+    exact : bool
+        True if all six motions vanish with the coordinates as they are, whatever their digits.
     """
 
     status: str
@@ -50,10 +52,13 @@ class RowOrderProof:
     remark: str = ""
     rounding: float = 0.0
     noise: float = 0.0
+    exact: bool = False
 
     def estimated(self, body: FEModel) -> FEModel:
-        """The body with the errors of K that the proof found."""
+        """The body with the errors of K and of the coordinates that the proof found."""
         found = (max(body.rounding, self.rounding), max(body.noise, self.noise))
+        if self.exact and body.nodes is not None and (body.nodes.xyz_rounding or body.nodes.frame_rounding):
+            body = replace(body, nodes=replace(body.nodes, xyz_rounding=0.0, frame_rounding=0.0))
         return body if found == (body.rounding, body.noise) else replace(body, rounding=found[0], noise=found[1])
 
 
@@ -123,7 +128,8 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
             )
         _check_mass_is_no_stiffness(body)
         residual, tolerance = float(found.relative[row]), float(found.allowed[row])
-        return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise)
+        exact = found.exact and motions == _ALL_MOTIONS
+        return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise, exact)
     nodes, share = _loaded_nodes(body, found)
     failure = Failure(body, body.nodes, found, condensed, nodes)
     if (mistaken := mistaken_matrices(failure)) is not None:

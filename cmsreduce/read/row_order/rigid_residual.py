@@ -55,6 +55,8 @@ class RigidResidual:
         Force that round-off may leave there, relative in the same way.
     rounding, noise : float
         Errors of K that explain the forces, as in ``FEModel``: at least the rounding that was given.
+    exact : bool
+        True if the forces vanish with the coordinates as they are, whatever their digits.
     """
 
     motions: Array
@@ -67,6 +69,7 @@ class RigidResidual:
     allowed: Array
     rounding: float = 0.0
     noise: float = 0.0
+    exact: bool = False
 
     @property
     def vanishes(self) -> bool:
@@ -119,12 +122,16 @@ def rigid_residual(
     own = np.sqrt(np.abs(K.diagonal()))
     scale = own[:, None] * np.max(own[:, None] * np.abs(shapes), axis=0, initial=0.0)
     terms = size @ np.abs(shapes)
-    explained = (
-        _DIGITS * rounding * terms
-        + _COORDINATES * (size @ _displacement_error(dofs, nodes, motions, arms, length))
-        + ARITHMETIC * scale
-    )
+
+    def moved(xyz_rounding: float, frame_rounding: float) -> Array:
+        error = _displacement_error(dofs, nodes, motions, arms, length, xyz_rounding, frame_rounding)
+        return np.asarray(_COORDINATES * (size @ error))
+
+    explained = _DIGITS * rounding * terms + moved(0.0, 0.0) + ARITHMETIC * scale
     at = np.abs(force)
+    exact = bool((at <= explained).all())
+    if not exact and (nodes.xyz_rounding or nodes.frame_rounding):
+        explained += moved(nodes.xyz_rounding, nodes.frame_rounding)
     # Coordinates that are printed coarsely resist turning alone, so translations show the errors of K.
     shown = slice(0, 3 if motions.shape[1] == _ALL else None)
     sizes = (terms, scale)
@@ -142,7 +149,7 @@ def rigid_residual(
     relative = np.divide(at, scale, out=np.zeros_like(at), where=scale > 0)
     tolerance = np.divide(allowed, scale, out=np.zeros_like(at), where=scale > 0)
     worst_of_row = (excess[rows, worst], relative[rows, worst], tolerance[rows, worst])
-    return RigidResidual(motions, length, centre, shapes, force, *worst_of_row, rounding, max(noise, found))
+    return RigidResidual(motions, length, centre, shapes, force, *worst_of_row, rounding, max(noise, found), exact)
 
 
 def _noise(
@@ -216,16 +223,24 @@ def _admissible(constrained: DofTable | None, nodes: Nodes, centre: Array, lengt
     return free
 
 
-def _displacement_error(dofs: DofTable, nodes: Nodes, motions: Array, arms: Array, length: float) -> Array:
-    """Largest error of each dof's displacement that comes from printed coordinates and frames, (n, m)."""
+def _displacement_error(
+    dofs: DofTable,
+    nodes: Nodes,
+    motions: Array,
+    arms: Array,
+    length: float,
+    xyz_rounding: float,
+    frame_rounding: float,
+) -> Array:
+    """Largest error of each dof's displacement that comes from coordinates and frames of such rounding, (n, m)."""
     turn = np.linalg.norm(motions[3:], axis=0) / length
     error = np.zeros((len(dofs), motions.shape[1]))
     moving = np.flatnonzero(dofs.component > 0)
     at = nodes.index(dofs.node[moving])
     # Coordinates also have the round-off of the coordinate systems in which they were given.
-    off = nodes.xyz_rounding + _FRAMES * np.abs(nodes.xyz[at]).max(axis=1, initial=0.0)
+    off = xyz_rounding + _FRAMES * np.abs(nodes.xyz[at]).max(axis=1, initial=0.0)
     turned = np.where(np.abs(nodes.frame[at] - np.eye(3)).max(axis=(1, 2), initial=0.0) > 0, 1.0, 0.0)
-    skew = turned * (nodes.frame_rounding + _FRAMES)
+    skew = turned * (frame_rounding + _FRAMES)
     reach = np.linalg.norm(motions[:3], axis=0) + turn * arms[at][:, None]
     translation = (dofs.component[moving] <= 3)[:, None]
     error[moving] = np.where(translation, off[:, None] * turn + skew[:, None] * reach, skew[:, None] * turn)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -121,17 +123,29 @@ def test_cycles_and_missing_systems_are_named() -> None:
 
 @pytest.mark.parametrize(
     ("value", "rounding"),
-    [(600.0, 0.0), (0.37500, 0.0), (12345.0, 0.0), (0.333333, 5e-7), (-0.99999994039535, 5e-15), (1.23456e-8, 5e-14)],
+    [
+        ("600.", 0.0),
+        ("0.375", 0.0),
+        ("12345.", 0.0),
+        ("0.333333", 5e-7),
+        ("-0.99999994039535", 5e-15),
+        ("1.23456-8", 5e-14),
+        # Trailing zeros are digits.
+        ("0.300000", 5e-7),
+        ("3.000000000E+00", 5e-10),
+        ("0.0000000", 0.0),
+    ],
 )
-def test_printed_rounding(value: float, rounding: float) -> None:
+def test_printed_rounding(value: str, rounding: float) -> None:
     assert printed_rounding([value])[0] == pytest.approx(rounding, rel=1e-12)
 
 
 def test_rounding_of_a_system_reaches_its_points() -> None:
     frame = FrameDefinition(1, "cylindrical", "CORD2C 1", 0, (0.0, 0, 0, 0, 0, 1, 0.707107, 0.707107, 0))
+    frame = replace(frame, rounding=(0.0,) * 6 + (5e-7, 5e-7, 0.0))
     system = chain(frame).system(1, "here")
     # Half a unit of the sixth digit over an arm of one, and as much again.
     assert 5e-7 < system.angle_rounding < 2e-6
     points = np.array([[10.0, 33.3333, 0.0]])
-    off = system.position_rounding(points, printed_rounding(points))[0]
+    off = system.position_rounding(points, printed_rounding(["10.", "33.3333", "0."])[None])[0]
     assert off == pytest.approx(10 * np.radians(5e-5) + system.origin_rounding + 10 * system.angle_rounding, rel=1e-6)
