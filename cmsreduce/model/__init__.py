@@ -88,6 +88,7 @@ from cmsreduce.model.system import (
     is_gyroscopic,
 )
 from cmsreduce.model.unit_conversion import (
+    damping_in_units,
     in_units,
     load_stiffness_in_units,
     matrix_in_units,
@@ -172,6 +173,7 @@ __all__ = [
     "components_from_digits",
     "check_dataset",
     "cross_matrix",
+    "damping_in_units",
     "dof_index",
     "entry_errors",
     "hdf5_items",

@@ -1,8 +1,9 @@
-"""Shapes of a large body in a file that is mapped into memory: the system loads and drops its pages as needed."""
+"""Arrays of a large body in a file that is mapped into memory: the system loads and drops its pages as needed."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import secrets
 import tempfile
@@ -121,8 +122,8 @@ def mapped_values(folder: Path, count: int, real: np.dtype[Any]) -> NDArray[Any]
         return np.memmap(file, dtype=real, mode="r+", shape=(count,))
 
 
-def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:
-    """Add a contiguous float64 dataset to an HDF5 file, without its values; its attribute `CHECKSUM` is zero.
+def add_dataset(path: Path, name: str, shape: tuple[int, ...], real: np.dtype[Any] = _DOUBLE) -> int:
+    """Add a contiguous dataset to an HDF5 file, without its values; its attribute `CHECKSUM` is zero.
 
     Parameters
     ----------
@@ -130,8 +131,10 @@ def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:
         The closed file.
     name : str
         Name of the dataset.
-    shape : (int, int)
+    shape : tuple of int
         Its shape, not empty.
+    real : dtype
+        Type of its values.
 
     Returns
     -------
@@ -148,31 +151,34 @@ def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:
 
     # Reserved first: the HDF5 library ends the whole process if the disk is full.
     with path.open("r+b") as reserved:
-        _reserve(reserved, shape[0] * shape[1] * _DOUBLE.itemsize + _HEADER)
+        _reserve(reserved, math.prod(shape) * real.itemsize + _HEADER)
     layout = h5p.create(h5p.DATASET_CREATE)
     layout.set_layout(h5d.CONTIGUOUS)
     layout.set_alloc_time(h5d.ALLOC_TIME_EARLY)
     layout.set_fill_time(h5d.FILL_TIME_NEVER)
     layout.set_obj_track_times(False)
     # Aligned to a page: numpy copies an array that does not begin at a multiple of eight bytes before multiplying.
-    page = {"alignment_threshold": min(_PAGE, shape[0] * shape[1]), "alignment_interval": _PAGE}
+    page = {"alignment_threshold": min(_PAGE, math.prod(shape)), "alignment_interval": _PAGE}
     with h5py.File(path, "r+", libver="v110", **page) as file:
-        dataset = h5d.create(file.id, name.encode(), h5t.IEEE_F64LE, h5s.create_simple(shape), layout)
+        dataset = h5d.create(file.id, name.encode(), h5t.py_create(real), h5s.create_simple(shape), layout)
         file[name].attrs[CHECKSUM] = np.uint32(0)
         return int(dataset.get_offset())
 
 
-def map_dataset(path: Path, dataset: Any) -> NDArray[np.float64]:
-    """Map a contiguous float64 dataset (m, n) of an HDF5 file into memory, as shapes (n, m) to read."""
-    offset = dataset.id.get_offset()
-    return np.asarray(np.memmap(path, dtype=_DOUBLE, mode="r", offset=offset, shape=dataset.shape)).T
+def map_dataset(path: Path, dataset: Any) -> NDArray[Any]:
+    """Map a contiguous dataset of an HDF5 file into memory: shapes (n, m) of one (m, n) to read, or a list of values.
+
+    Values may be changed in memory, as compiled code asks of its arguments; the file stays as it is.
+    """
+    offset, mode = dataset.id.get_offset(), "r" if dataset.ndim > 1 else "c"
+    return np.asarray(np.memmap(path, dtype=dataset.dtype, mode=mode, offset=offset, shape=dataset.shape)).T  # type: ignore[call-overload]
 
 
-def checksum(Phi: NDArray[np.float64]) -> int:
-    """CRC-32 of shapes in the order of the file, column by column."""
+def checksum(Phi: NDArray[Any]) -> int:
+    """CRC-32 of shapes or values in the order of the file, column by column."""
     found = 0
-    for column in Phi.T:
-        found = zlib.crc32(np.ascontiguousarray(column, dtype=_DOUBLE).data, found)
+    for column in np.atleast_2d(Phi.T):
+        found = zlib.crc32(np.ascontiguousarray(column, dtype=column.dtype.newbyteorder("<")).data, found)
     return found
 
 

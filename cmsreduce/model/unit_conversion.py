@@ -16,7 +16,14 @@ from cmsreduce.model.integrals import SecondOrder
 from cmsreduce.model.rigid_body import RigidBody
 from cmsreduce.model.units import Units
 
-__all__ = ["in_units", "load_stiffness_in_units", "matrix_in_units", "recovery_in_units", "rigid_in_units"]
+__all__ = [
+    "damping_in_units",
+    "in_units",
+    "load_stiffness_in_units",
+    "matrix_in_units",
+    "recovery_in_units",
+    "rigid_in_units",
+]
 
 
 def in_units(body: FEModel, units: Units) -> FEModel:
@@ -42,10 +49,6 @@ def in_units(body: FEModel, units: Units) -> FEModel:
     def restated(A: sp.csc_array, power_of_time: int) -> sp.csc_array:
         return sp.csc_array(energy * time**power_of_time * (inverse @ A @ inverse))
 
-    damping = body.damping
-    if damping.rayleigh is not None:
-        alpha, beta = damping.rayleigh
-        damping = Damping(rayleigh=(alpha / time, beta * time))
     untied_mass = body.untied_mass
     if untied_mass is not None:
         scale = _diagonal(untied_mass.dofs, 1 / length)
@@ -58,7 +61,7 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         nodes=body.nodes
         and replace(body.nodes, xyz=body.nodes.xyz * length, xyz_rounding=body.nodes.xyz_rounding * length),
         interfaces=_faces(body.interfaces, length),
-        damping=damping,
+        damping=damping_in_units(body.damping, body.units, units),
         units=units,
         tied=body.tied and recovery_in_units(body.tied, body.units, units),
         untied_mass=untied_mass,
@@ -68,6 +71,15 @@ def in_units(body: FEModel, units: Units) -> FEModel:
             for term in body.terms
         ),
     )
+
+
+def damping_in_units(law: Damping, old: Units, new: Units) -> Damping:
+    """Convert a damping law; frequencies of a table are in hertz in all units."""
+    if law.rayleigh is None:
+        return law
+    alpha, beta = law.rayleigh
+    _, _, time = _ratios(old, new)
+    return Damping(rayleigh=(alpha / time, beta * time))
 
 
 def _second_order_in_units(given: SecondOrder, inverse: sp.dia_array, length: float, mass: float) -> SecondOrder:

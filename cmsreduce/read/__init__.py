@@ -9,7 +9,7 @@ from cmsreduce.read.body import read_body
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
 from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect_kind, file_kind
-from cmsreduce.read.files import sha256_of
+from cmsreduce.read.files import files_read, sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.geometry import read_cells, read_geometry
 from cmsreduce.read.inner_grids import with_inner_grids
@@ -81,6 +81,7 @@ __all__ = [
     "detect_format",
     "expect_kind",
     "file_kind",
+    "files_read",
     "in_dofs",
     "is_row_mapping",
     "matrix_names",

@@ -6,17 +6,21 @@ import codecs
 import difflib
 import hashlib
 import struct
+import time
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import lru_cache
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
 
 __all__ = [
     "LIBRARY_ERRORS",
+    "files_read",
     "is_med",
     "is_text",
     "read_head",
@@ -48,6 +52,27 @@ LIBRARY_ERRORS = (
 """Readers of binary formats raise any of these when a file is damaged; none is a message for an engineer."""
 
 
+_READ: ContextVar[set[Path] | None] = ContextVar("files_read", default=None)
+
+
+@contextmanager
+def files_read() -> Iterator[set[Path]]:
+    """Collect the absolute paths of all files that are read while the block lasts, included ones and lists too."""
+    found: set[Path] = set()
+    token = _READ.set(found)
+    try:
+        yield found
+    finally:
+        _READ.reset(token)
+
+
+def _record(path: Path) -> None:
+    if (found := _READ.get()) is not None:
+        found.add(path.absolute())
+
+
+# A file that was changed less than a second ago may change again without a new time.
+_SETTLED_NS = 10**9
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 # Control characters that text has none of: all but tabs, ends of lines and pages, and the end of a DOS file.
 _NO_TEXT = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
@@ -128,6 +153,7 @@ def read_head(path: Path, count: int, subject: str = "") -> bytes:
     ReadError
         If the file cannot be opened.
     """
+    _record(path)
     try:
         with path.open("rb") as file:
             return file.read(count)
@@ -156,6 +182,7 @@ def is_med(path: Path) -> bool:
 
 def read_text(path: Path, subject: str = "") -> str:
     """Text of a file, as UTF-8; other bytes become replacement characters. Parameters and error as of ``read_head``."""
+    _record(path)
     try:
         return path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
@@ -164,6 +191,7 @@ def read_text(path: Path, subject: str = "") -> str:
 
 def read_lines(path: Path) -> bytes:
     """Bytes of a text, whose lines end with a newline whatever the system that wrote it; without a mark of UTF-8."""
+    _record(path)
     text = path.read_bytes().removeprefix(codecs.BOM_UTF8)
     return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
 
@@ -177,7 +205,20 @@ def sha256_of(path: Path) -> str:
         If the file cannot be read.
     """
     try:
-        with Path(path).open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        state = Path(path).stat()
+        if time.time_ns() - state.st_mtime_ns < _SETTLED_NS:
+            return _sha256(Path(path))
+        return _sha256_of_state(Path(path).absolute(), state.st_size, state.st_mtime_ns, state.st_ino)
     except OSError as error:
         raise ReadError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+@lru_cache(maxsize=1000)
+def _sha256_of_state(path: Path, size: int, changed: int, inode: int) -> str:
+    """Hash of a file that does not change any more: a run asks for it in several places."""
+    return _sha256(path)
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

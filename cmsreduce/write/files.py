@@ -157,16 +157,16 @@ def table(name: str, values: NDArray[np.float64] | NDArray[np.int64], meaning: s
 
 
 @contextmanager
-def hdf5_file(path: Path, large: Mapping[str, NDArray[np.float64]] | None = None) -> Iterator[Any]:
+def hdf5_file(path: Path, large: Mapping[str, NDArray[Any]] | None = None) -> Iterator[Any]:
     """Compose an HDF5 file, and write it when the block ends without an error.
 
     Parameters
     ----------
     path : Path
         Name of the file, which is complete or absent.
-    large : mapping of name to (n, m) float64, optional
-        Shapes larger than memory: each becomes a contiguous dataset (m, n) for memory mapping, with the attribute
-        `CHECKSUM`.
+    large : mapping of name to array, optional
+        Shapes (n, m) larger than memory, and long lists of values: each becomes a contiguous dataset, (m, n) for
+        shapes, for memory mapping, with the attribute `CHECKSUM`.
 
     Yields
     ------
@@ -191,15 +191,16 @@ def hdf5_file(path: Path, large: Mapping[str, NDArray[np.float64]] | None = None
             _put_large(temporary, name, Phi)
 
 
-def _put_large(path: Path, name: str, Phi: NDArray[np.float64]) -> None:
-    """Add shapes to a file, column by column."""
+def _put_large(path: Path, name: str, Phi: NDArray[Any]) -> None:
+    """Add shapes to a file, column by column, or values."""
     import h5py
 
-    offset = add_dataset(path, name, (Phi.shape[1], Phi.shape[0]))
+    real = Phi.dtype.newbyteorder("<")
+    offset = add_dataset(path, name, Phi.T.shape, real)
     with path.open("r+b") as file:
         file.seek(offset)
-        for k in range(Phi.shape[1]):
-            file.write(np.ascontiguousarray(Phi[:, k], dtype="<f8").data)
+        for column in np.atleast_2d(Phi.T):
+            file.write(np.ascontiguousarray(column, dtype=real).data)
     with h5py.File(path, "r+", libver="v110") as file:
         # The attribute exists, so that the file does not grow.
         file[name].attrs.modify(CHECKSUM, np.uint32(checksum(Phi)))

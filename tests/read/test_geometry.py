@@ -39,8 +39,8 @@ def test_frd_nodes_in_long_and_short_format(tmp_path: Path) -> None:
     nodes = read_geometry(write(tmp_path, "a.frd", FRD_LONG)).nodes
     assert nodes.id.tolist() == [4, 17, 2]
     np.testing.assert_array_equal(nodes.xyz, [[0, 1, 0.333333], [0.25, -1.5, 8], [100, 0, -0.001]])
-    # One coordinate was cut to six digits.
-    assert nodes.xyz_rounding == pytest.approx(5e-7)
+    # All coordinates have six digits, 100 as well.
+    assert nodes.xyz_rounding == pytest.approx(5e-4)
     nodes = read_geometry(write(tmp_path, "b.frd", FRD_SHORT)).nodes
     assert (nodes.id.tolist(), nodes.xyz.tolist()) == ([4], [[0, 1, 2]])
 

@@ -168,6 +168,8 @@ def _finish_body(task: _Task, name: str) -> bool | None:
     try:
         run = _opened(task)
         run.makes_reference = run.pipeline.verify is not None
+        # Proven here, so that its factor serves its reduction; processes share what they prove of the others.
+        run.flexible(name)
         if name in run.reduced_names:
             run.modal(name)
         if run.pipeline.verify is not None and name not in run.mode_sets.unneeded:

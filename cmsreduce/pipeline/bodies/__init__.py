@@ -4,13 +4,14 @@ Steps from the keys of one component to one body in the units of the scene belon
 The joined system belongs in `pipeline.system`.
 """
 
-from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, probing_loads, read_flexible
+from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, in_scene, probing_loads, read_flexible
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
 from cmsreduce.pipeline.bodies.draft import Draft, draft_body, draft_pipeline
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
+from cmsreduce.pipeline.bodies.proven_body import ProvenBody, needs_files, proven_body
 from cmsreduce.pipeline.bodies.reference import (
     ALL_MODES_LIMIT,
     WRITTEN_LIMIT,
@@ -29,6 +30,7 @@ __all__ = [
     "DampingHealth",
     "Draft",
     "FlexibleBody",
+    "ProvenBody",
     "REDUCED_FILES",
     "Reference",
     "WRITTEN_LIMIT",
@@ -44,7 +46,10 @@ __all__ = [
     "draft_body",
     "draft_pipeline",
     "in_free_modes",
+    "in_scene",
+    "needs_files",
     "probing_loads",
+    "proven_body",
     "read_flexible",
     "read_rigid",
     "reduced_body",

@@ -27,18 +27,21 @@ from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import (
     WRITTEN_LIMIT,
     FlexibleBody,
+    ProvenBody,
     Reference,
     copy_of,
     damping_remark,
     in_free_modes,
-    read_flexible,
+    in_scene,
+    needs_files,
+    proven_body,
     read_rigid,
     reference,
 )
 from cmsreduce.pipeline.choose import CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import SceneBasis, SceneShapes
-from cmsreduce.pipeline.run.keys import body_key, read_key, reference_key
-from cmsreduce.pipeline.store import CommonWork, Progress, Stages, once, stage
+from cmsreduce.pipeline.run.keys import body_key, proof_key, read_key, reference_key
+from cmsreduce.pipeline.store import CommonWork, Failures, Progress, Stages, collecting, once, report_failures, stage
 from cmsreduce.pipeline.system import AssembledModel, ReducedModel
 from cmsreduce.reduce import Examined
 
@@ -48,6 +51,24 @@ __all__ = ["BodyStages"]
 _CUTOFFS = "auto.cutoff"
 # Sets of bodies as read and of references that points of a sweep hold together: those before and after a change.
 _BODIES = 16
+
+
+class _Given(Mapping[str, Mapping[str, object]]):
+    """Bodies and configurations of a run, collected when a stored result refers to one."""
+
+    def __init__(self, run: BodyStages) -> None:
+        self._run = run
+
+    def __getitem__(self, kind: str) -> Mapping[str, object]:
+        if kind == FEModel.__name__:
+            return {name: flexible.body for name, flexible in self._run.bodies.items()}
+        return {each.name: each for each in self._run.scene.configurations}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((FEModel.__name__, Configuration.__name__))
+
+    def __len__(self) -> int:
+        return 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +131,18 @@ class BodyStages:
 
     @stage(
         "read",
+        key=lambda run, name: run.proof_key(name),
+        stored=lambda run, name: not needs_files(run.pipeline, name),
+        again=lambda found: found.outdated,
+        needed=True,
+    )
+    def _proven(self, name: str) -> ProvenBody:
+        with collecting(Failures(log=self.stages.failures.log)) as failed:
+            found = proven_body(self.pipeline, name, self.scene)
+        return replace(found, failures=tuple(failed))
+
+    @stage(
+        "",
         key=lambda run, name: read_key(run.pipeline, name),
         notes=lambda run, found, name: found.notes,
         stored="never",
@@ -118,9 +151,16 @@ class BodyStages:
     def flexible(self, name: str) -> FlexibleBody:
         """Read one flexible body and check it; a copy of an earlier one takes what was read and proven there."""
         original = next(each for each in self.flexible_names if self.body_key(each) == self.body_key(name))
-        if original == name:
-            return read_flexible(self.pipeline, name, self.scene)
-        return copy_of(self.flexible(original), self.pipeline, name, self.scene)
+        if original != name:
+            return copy_of(self.flexible(original), self.pipeline, name, self.scene)
+        proven = self._proven(name)
+        report_failures(proven.failures)
+        return in_scene(proven, self.pipeline, name, self.scene)
+
+    @once
+    def proof_key(self, name: str) -> str:
+        """Hash of all that a body as read and proven depends on."""
+        return proof_key(self.pipeline, name)
 
     @once
     def body_key(self, name: str) -> str:
@@ -131,6 +171,8 @@ class BodyStages:
     @once
     def bodies(self) -> dict[str, FlexibleBody]:
         """Flexible bodies, read and checked; joints, actuators and sensors are wired to them as a check."""
+        for name in self._at_hand():
+            self.flexible(name)
         found = {}
         for name in self.flexible_names:
             found[name] = self.flexible(name)
@@ -142,6 +184,13 @@ class BodyStages:
             for note in model.wiring(configuration).notes:
                 self.stages.note(note)
         return found
+
+    def _at_hand(self) -> Iterator[str]:
+        """Names of the bodies; those that another process is at work on come last."""
+        waiting = self.flexible_names
+        while waiting:
+            claimed = (self.stages.store.is_claimed("read", name, self.proof_key(name)) for name in waiting)
+            yield waiting.pop(next((k for k, busy in enumerate(claimed) if not busy), 0))
 
     def _in_dofs(self, bodies: Mapping[str, FlexibleBody]) -> AssembledModel:
         bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in bodies.items()}
@@ -167,10 +216,7 @@ class BodyStages:
     @property
     def given(self) -> Mapping[str, Mapping[str, object]]:
         """Bodies and configurations, which stored results refer to by name."""
-        return {
-            FEModel.__name__: {name: flexible.body for name, flexible in self.bodies.items()},
-            Configuration.__name__: {each.name: each for each in self.scene.configurations},
-        }
+        return _Given(self)
 
     @property
     @once

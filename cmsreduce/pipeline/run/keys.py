@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from cmsreduce import __version__
@@ -10,12 +11,23 @@ from cmsreduce.config import CLOSED_LOOP, Pipeline, RankingKeys
 from cmsreduce.model import Controller
 from cmsreduce.pipeline.bodies import ALL_MODES_LIMIT, FlexibleBody
 from cmsreduce.pipeline.store import stage_key
+from cmsreduce.read import sha256_of
 
-__all__ = ["body_key", "projected_error", "read_key", "reference_key", "reference_model_key", "system_key"]
+__all__ = [
+    "body_key",
+    "projected_error",
+    "proof_key",
+    "read_key",
+    "reference_key",
+    "reference_model_key",
+    "system_key",
+]
 
 _DOWNSTREAM = {"reduce", "balance"}
 # Keys of a component that do not change its matrices, nodes and interfaces.
 _OF_THE_PLACE = {"like", "place", "balance", "write"}
+# Lists of dofs, expanded elements and superelements, which have the stem of a file that is named.
+_BESIDE = (".dof", ".12d", ".12D", ".asm", ".ASM", ".pch", ".PCH")
 
 
 def body_key(pipeline: Pipeline, name: str) -> str:
@@ -25,6 +37,30 @@ def body_key(pipeline: Pipeline, name: str) -> str:
     frame = None if part.geometric_stiffness is None else pipeline.write_of(name).model_dump(mode="json")
     own = part.model_dump(mode="json", exclude=_OF_THE_PLACE | _DOWNSTREAM)
     return stage_key("read", own, frame, pipeline.reduce_of(name) is None, _parameters(pipeline, name))
+
+
+def proof_key(pipeline: Pipeline, name: str) -> str:
+    """Hash of everything that a body as read and proven depends on: code, keys, and files with those beside them.
+
+    A damping law is no part of it, nor is a place; a sweep over them proves the body once.
+    """
+    part = pipeline.components[name]
+    own = part.model_dump(exclude=_OF_THE_PLACE | _DOWNSTREAM | {"damping"})
+    law = part.damping is not None and part.damping.matrix is None and not part.in_modes
+    own["damping"] = "law" if law or part.damping is None else part.damping.model_dump()
+    files = {str(path): sha256_of(path) for path in sorted(_named(own)) if path.is_file()}
+    return stage_key("proof", name, own, part.damping is None, pipeline.units.name, files)
+
+
+def _named(value: Any) -> Iterator[Path]:
+    """Files in the keys of a component, and those that readers look for beside them."""
+    if isinstance(value, Path):
+        yield value
+        yield from (value.with_suffix(end) for end in _BESIDE if value.name)
+    elif isinstance(value, Mapping):
+        yield from (path for each in value.values() for path in _named(each))
+    elif isinstance(value, (list, tuple)):
+        yield from (path for each in value for path in _named(each))
 
 
 def _parameters(pipeline: Pipeline, name: str) -> list[Any]:

@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import Configuration, FEModel
@@ -25,6 +26,7 @@ Given = Mapping[str, Mapping[str, Any]]
 _GIVEN = (FEModel, Configuration)
 _PLAIN = (str, int, float, bool, type(None))
 _PACKAGE = "cmsreduce."
+_COMPRESSED = {"csc": sp.csc_array, "csr": sp.csr_array}
 
 
 def encode(value: Any) -> tuple[Arrays, Any]:
@@ -33,7 +35,8 @@ def encode(value: Any) -> tuple[Arrays, Any]:
     Raises
     ------
     TypeError
-        If the value holds something else than dataclasses, tuples, lists, mappings, arrays, text and numbers.
+        If the value holds something else than dataclasses, tuples, lists, mappings, arrays, sparse arrays in
+        compressed form, text and numbers.
 
     Examples
     --------
@@ -62,6 +65,9 @@ def decode(arrays: Mapping[str, NDArray[Any]], facts: Any, given: Given) -> Any:
         return facts
     if "array" in facts:
         return arrays[facts["array"]]
+    if "sparse" in facts:
+        parts = tuple(decode(arrays, part, given) for part in facts["parts"])
+        return _COMPRESSED[facts["sparse"]](parts, shape=tuple(facts["shape"]))
     if "given" in facts:
         return given[facts["given"]][facts["name"]]
     if "tuple" in facts:
@@ -82,6 +88,9 @@ def _encoded(value: Any, path: str, arrays: Arrays) -> Any:
     if isinstance(value, np.ndarray):
         arrays[path or "value"] = value
         return {"array": path or "value"}
+    if isinstance(value, (sp.csc_array, sp.csr_array)):
+        entries = [inside(getattr(value, part), part) for part in ("data", "indices", "indptr")]
+        return {"sparse": value.format, "shape": list(value.shape), "parts": entries}
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, _PLAIN):

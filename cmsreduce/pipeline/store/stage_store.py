@@ -32,8 +32,11 @@ __all__ = [
 ]
 
 _PACKAGE = Path(__file__).resolve().parents[2]
-SHARED = ("reduce", "reference", "orthogonalise")
+SHARED = ("read", "reduce", "reference", "orthogonalise")
 """Stages of single bodies, which runs with different later stages have in common."""
+
+ONE_AT_A_TIME = ("read",)
+"""Stages that processes of one run would all do by themselves."""
 
 STAGES_FOLDER = "stages"
 """Folder of a run directory with its finished stages."""
@@ -48,6 +51,8 @@ _POINTER = "shared.json"
 # Hexadecimal digits of a key in the name of a file: 80 bits; the file holds the whole key.
 _DIGITS = 20
 _MATRIX = 2
+# A list of values beyond this number of bytes is mapped from its file: a body's matrices, which may not be needed.
+_LONG = 1 << 20
 _KEY = re.compile(r"[0-9a-f]{64}")
 # Errors of HDF5, and of later steps, on damaged bytes.
 _DAMAGE = (OSError, KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeError, OverflowError)
@@ -56,6 +61,7 @@ _EVERY = (*_BASE, "reduce", "orthogonalise.py", "assemble", "balance", "project"
 # Readers are left out, because keys hold a hash of the matrices that were read; so is the code that prints and draws.
 _ROOMS = {
     "read": (),
+    "proof": (*_EVERY, "read"),
     "reduce": (*_BASE, "reduce", "assemble", "pipeline"),
     "orthogonalise": (*_BASE, "orthogonalise.py", "pipeline"),
     "reference": (*_BASE, "reduce", "orthogonalise.py", "assemble", "pipeline"),
@@ -172,7 +178,11 @@ class StageStore:
         """Write a finished stage under a temporary name, and rename it when it is complete."""
         path = self.path(stage, what, key)
         # Arrays on disk are copied from file to file, without passing through memory.
-        large = {name: array for name, array in arrays.items() if mapped_in(array) is not None}
+        large = {
+            name: array
+            for name, array in arrays.items()
+            if mapped_in(array) is not None or (array.ndim == 1 and array.nbytes > _LONG)
+        }
         with hdf5_file(path, large) as file:
             file.attrs["format"] = STAGE_FORMAT
             file.attrs["key"] = key
@@ -189,7 +199,7 @@ class StageStore:
 
     @contextmanager
     def claimed(self, stage: str, what: str, key: str) -> Iterator[bool]:
-        """Keep other processes from an entry of the shared folder while the block lasts.
+        """Keep other processes from an entry of the shared folder, or of a body to prove, while the block lasts.
 
         The operating system ends the claim when the process ends.
 
@@ -198,19 +208,36 @@ class StageStore:
         bool
             True if another process may have finished the entry before the claim was granted.
         """
-        if not self._is_shared(stage):
+        if not self._is_shared(stage) and stage not in ONE_AT_A_TIME:
             yield False
             return
-        path = self.path(stage, what, key)
-        lock = path.with_name(f".{path.name}.lock")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with lock.open("a") as handle:
+        lock = self._lock(stage, what, key)
+        try:
+            lock.parent.mkdir(parents=True, exist_ok=True)
+            opened = lock.open("a")
+        except OSError:
+            # The folder cannot be written, which the first result to write reports.
+            yield False
+            return
+        with opened as handle:
             _wait_for(handle)
             try:
                 yield True
             finally:
                 # Processes that wait have the file open; at worst another process does the same work once more.
                 lock.unlink(missing_ok=True)
+
+    def is_claimed(self, stage: str, what: str, key: str) -> bool:
+        """True while another process is at work on an entry."""
+        try:
+            with self._lock(stage, what, key).open("r") as handle:
+                return not _granted(handle)
+        except OSError:
+            return False
+
+    def _lock(self, stage: str, what: str, key: str) -> Path:
+        path = self.path(stage, what, key)
+        return path.with_name(f".{path.name}.lock")
 
     def _is_shared(self, stage: str) -> bool:
         return self.shared is not None and stage in SHARED
@@ -271,10 +298,19 @@ def _shared_folder(stages: Path) -> Path | None:
 
 
 def _wait_for(handle: IO[str]) -> None:
+    with contextlib.suppress(OSError):
+        _granted(handle, wait=True)
+
+
+def _granted(handle: IO[str], *, wait: bool = False) -> bool:
+    """True if a lock is free, or becomes so."""
     try:
         import fcntl
     except ImportError:
         # Without locks two processes may do the same work; both results are complete.
-        return
-    with contextlib.suppress(OSError):
-        fcntl.flock(handle, fcntl.LOCK_EX)
+        return True
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BlockingIOError:
+        return False
+    return True

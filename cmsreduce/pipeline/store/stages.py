@@ -13,7 +13,7 @@ from typing import Any, Concatenate, Literal, NamedTuple, ParamSpec, Protocol, T
 
 import numpy as np
 
-from cmsreduce.errors import MatrixError, StageError
+from cmsreduce.errors import MatrixError, StageError, WriteError
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import Factorisation, mapped_in
 from cmsreduce.pipeline.store.diagnostics import Failures, diagnostic
@@ -96,6 +96,7 @@ class _Entry(NamedTuple):
     stored: bool
     common: int
     again: Callable[[Any], bool] | None = None
+    needed: bool = False
 
 
 class Stages:
@@ -188,7 +189,7 @@ class Stages:
             return _MISSING
         if (found := self._stored(entry, run)) is not _MISSING:
             return found
-        if self.only not in (None, entry.stage):
+        if self.only not in (None, entry.stage) and not entry.needed:
             until = "" if self.only == REPORT else f" --until {self.only}"
             raise StageError(
                 f"stage '{entry.stage}' of '{entry.what}' is not finished for these inputs and settings; run "
@@ -212,7 +213,12 @@ class Stages:
             del encoded
             done = [asdict(each) for each in self.factorised[what][stage]]
             counted = {"value": facts, "seconds": self.seconds[what][stage], "factorised": done}
-            self.written.append(self.store.save(stage, what, key, arrays, counted))
+            try:
+                self.written.append(self.store.save(stage, what, key, arrays, counted))
+            except WriteError:
+                # Any later result says that the disk is full.
+                if not entry.needed:
+                    raise
             if any(mapped_in(array) is not None for array in arrays.values()):
                 # Mapped in the finished file, so that the temporary one can be removed.
                 with solver_settings(self.solver):
@@ -295,9 +301,10 @@ def stage(
     key: Callable[..., str | None] | None = None,
     needs: Sequence[str] = (),
     notes: Callable[..., Iterable[str]] | None = None,
-    stored: Literal["always", "in common", "never"] = "always",
+    stored: Literal["always", "in common", "never"] | Callable[..., bool] = "always",
     common: int = 0,
     again: Callable[[Any], bool] | None = None,
+    needed: bool = False,
 ) -> Callable[[Callable[Concatenate[Any, P], T]], Callable[Concatenate[Any, P], T]]:
     """Make a method of a run a stage that is done once.
 
@@ -318,12 +325,16 @@ def stage(
         Earlier stages, so that their time is not counted here: properties, or methods that take the same arguments.
     notes : callable, optional
         Takes the run, the result and the arguments, gives what a reader must know, also of a stage that is reused.
-    stored : str
-        ``always``, ``never``, or ``in common``: on disk only where work is shared with other runs.
+    stored : str or callable
+        ``always``, ``never``, or ``in common``: on disk only where work is shared with other runs. A callable takes
+        the run and the arguments, and tells whether it is stored.
     common : int
         Number of results that runs of a sweep hold together in memory.
     again : callable, optional
         Takes a stored result, tells whether a part of it failed, so that a run makes it again; a report shows it.
+    needed : bool
+        True for a stage that is made in any case, also where another one alone was asked for, and that need not be
+        stored, such as where the disk is full.
     """
 
     def about(run: Any, *args: Any, **named: Any) -> str:
@@ -339,7 +350,8 @@ def stage(
             else:
                 of = about(run, *args, **named)
                 on_disk = stored == "always" or (stored == "in common" and stages.common is not None)
-                entry = _Entry(work.__name__, name, of, digest, on_disk and key is not None, common, again)
+                on_disk = stored(run, *args, **named) if callable(stored) else on_disk
+                entry = _Entry(work.__name__, name, of, digest, on_disk and key is not None, common, again, needed)
                 with ExitStack() as claim:
                     result = stages.find(entry, run, claim)
                     if result is _MISSING:

@@ -128,8 +128,7 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
             )
         _check_mass_is_no_stiffness(body)
         residual, tolerance = float(found.relative[row]), float(found.allowed[row])
-        exact = found.exact and motions == _ALL_MOTIONS
-        return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise, exact)
+        return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise, found.exact)
     nodes, share = _loaded_nodes(body, found)
     failure = Failure(body, body.nodes, found, condensed, nodes)
     if (mistaken := mistaken_matrices(failure)) is not None:

@@ -56,7 +56,7 @@ class RigidResidual:
     rounding, noise : float
         Errors of K that explain the forces, as in ``FEModel``: at least the rounding that was given.
     exact : bool
-        True if the forces vanish with the coordinates as they are, whatever their digits.
+        True if the forces of all six motions vanish with the coordinates as they are, whatever their digits.
     """
 
     motions: Array
@@ -129,18 +129,19 @@ def rigid_residual(
 
     explained = _DIGITS * rounding * terms + moved(0.0, 0.0) + ARITHMETIC * scale
     at = np.abs(force)
-    exact = bool((at <= explained).all())
-    if not exact and (nodes.xyz_rounding or nodes.frame_rounding):
-        explained += moved(nodes.xyz_rounding, nodes.frame_rounding)
     # Coordinates that are printed coarsely resist turning alone, so translations show the errors of K.
     shown = slice(0, 3 if motions.shape[1] == _ALL else None)
     sizes = (terms, scale)
-    limits = []
-    if not (at <= explained).all():
-        limits = [*_noise(force, shapes, sizes, dofs, shown), (_left_out(K, dofs, shapes), _CANCELLED)]
+    over = np.maximum(at - explained, 0.0)
+    spread = _noise(force, shapes, sizes, dofs, shown) if over.any() else []
+    # Where rotations leave no other forces than translations, the coordinates are exact, whatever their digits.
+    exact = motions.shape[1] == _ALL and (not over.any() or any((over <= limit).all() for limit, _ in spread))
+    limits = [*spread, (_left_out(K, dofs, shapes), _CANCELLED)] if over.any() else []
     known = max(noise, CONDENSATION if condensed else 0.0)
     if known:
         limits.append((known * scale, _CANCELLED))
+    if not exact and (nodes.xyz_rounding or nodes.frame_rounding):
+        explained += moved(nodes.xyz_rounding, nodes.frame_rounding)
     allowed, rounding, found = _explained(at, explained, sizes, limits, rounding)
     excess = np.divide(at, allowed, out=np.where(at > 0, np.inf, 0.0), where=allowed > 0)
     rows, worst = np.arange(len(dofs)), excess.argmax(axis=1)
