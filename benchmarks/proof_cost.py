@@ -53,14 +53,14 @@ write: {formats: [hdf5]}
 SHARED = "K resists all but the rigid motions, beyond its factor"
 # Fact, and the functions that prove it: module of the pipeline, name as it is called there.
 PROOFS = {
-    "row order of K": ("bodies.bodies", "prove_row_order"),
-    "row order of M": ("bodies.bodies", "prove_mass_order"),
-    SHARED: ("bodies.bodies", "only_motions"),
-    "rigid motions, orthonormal": ("bodies.bodies", "rigid_body_modes"),
-    "one connected body": ("bodies.bodies", "check_connected"),
-    "definiteness of K and M": ("bodies.bodies", "definite"),
-    "K and M against the deck": ("bodies.bodies", "prove_body"),
-    "number of rigid motions": ("bodies.bodies", "rigid_motions_proof"),
+    "row order of K": ("bodies.proven_bodies", "prove_row_order"),
+    "row order of M": ("bodies.proven_bodies", "prove_mass_order"),
+    SHARED: ("bodies.proven_bodies", "only_motions"),
+    "rigid motions, orthonormal": ("bodies.proven_bodies", "rigid_body_modes"),
+    "one connected body": ("bodies.proven_bodies", "check_connected"),
+    "definiteness of K and M": ("bodies.proven_bodies", "definite"),
+    "K and M against the deck": ("bodies.proven_bodies", "prove_body"),
+    "number of rigid motions": ("bodies.proven_bodies", "rigid_motions_proof"),
     "damping matrix": ("bodies.bodies", "damping_health"),
     "damping of the modes": ("results.result", "damping_proof"),
     "error bars of the frequencies": ("results.result", "frequency_error_bars"),

@@ -90,9 +90,11 @@ def frequency_error_bars(component: ModalComponent, columns: NDArray[np.int64]) 
 
 def _of_repeated(body: FEModel, Phi: Array, columns: NDArray[np.int64]) -> Array:
     """Sum of squares of the largest changes of w^2 by each different number in K (k,)."""
-    entries = sp.coo_array(body.K)
+    entries = sp.coo_array(sp.triu(body.K))
     value, at = np.unique(abs(entries.data), return_inverse=True)
-    squares, sign = entry_errors(value, body.rounding) ** 2, np.sign(entries.data)
+    # A number below the diagonal is that above it.
+    twice = np.where(entries.row == entries.col, 1.0, 2.0)
+    squares, sign = entry_errors(value, body.rounding) ** 2, twice * np.sign(entries.data)
     shapes = (np.asarray(Phi[:, column]) for column in columns)
     return np.array(
         [

@@ -59,6 +59,9 @@ def left_behind(folder: Path) -> dict[str, list[str]]:
         if name.endswith(".tmp"):
             temporary.append(name)
             continue
+        # The claim of a process that was killed ended with it; the next claim of the entry removes the file.
+        if name.endswith(".lock"):
+            continue
         whole.append(name)
         if file.suffix == ".json":
             json.loads(file.read_text())

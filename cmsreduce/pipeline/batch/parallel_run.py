@@ -61,7 +61,7 @@ class ParallelRun(Run):
     ) -> None:
         super().__init__(pipeline, folder, progress, common=CommonWork())
         self._workers, self._executor = workers, executor
-        self._task = _Task(source.resolve(), tuple(overrides), folder.resolve(), workers.memory)
+        self._task = _Task(source, tuple(overrides), folder.resolve(), workers.memory)
 
     def finish_bodies(self) -> None:
         """Reduce and orthonormalise all bodies, each in a process of its own; copies of a body are done with it."""
@@ -146,11 +146,14 @@ def opened_run(
         If the pipeline or the cluster is wrong.
     """
     expect_kind(source, "pipeline")
+    # Proofs are found by the names of files: all processes must give them the same ones.
+    source = source if cluster is None else source.resolve()
     pipeline = load_pipeline(source, overrides)
     folder = pipeline.output if folder is None else folder
     with chosen_workers(jobs, cluster, source) as workers:
-        if workers.here or only is not None:
-            yield Run(pipeline, folder, progress, only)
+        alone = Run(pipeline, folder, progress, only)
+        if workers.here or only is not None or alone.is_finished:
+            yield alone
             return
         with workers.start(workers.count) as executor:
             run = ParallelRun(pipeline, folder, progress, source, overrides, workers, executor)

@@ -11,7 +11,7 @@ from cmsreduce.pipeline.bodies.draft import Draft, draft_body, draft_pipeline
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
-from cmsreduce.pipeline.bodies.proven_body import ProvenBody, needs_files, proven_body
+from cmsreduce.pipeline.bodies.proven_bodies import ProvenBody, needs_files, proven_body
 from cmsreduce.pipeline.bodies.reference import (
     ALL_MODES_LIMIT,
     WRITTEN_LIMIT,

@@ -29,7 +29,7 @@ from cmsreduce.model import (
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.parameters import body_corners, body_terms
-from cmsreduce.pipeline.bodies.proven_body import THOROUGH, ProvenBody, hash_of, matrices_hash, proven_body
+from cmsreduce.pipeline.bodies.proven_bodies import THOROUGH, ProvenBody, hash_of, matrices_hash, proven_body
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 
 __all__ = ["FlexibleBody", "copy_of", "in_scene", "probing_loads", "read_flexible"]

@@ -313,6 +313,15 @@ class Run(BodyStages):
             self.stages.progress.advance(number + 1, len(self.scene.configurations))
         return model
 
+    @property
+    def is_finished(self) -> bool:
+        """True if every stage is stored for these files and settings, so that nothing is left to compute."""
+        store = self.stages.store
+        proven = [store.facts("read", name, self.proof_key(name)) for name in self.flexible_names]
+        if None in proven or not self.has_response:
+            return False
+        return store.facts("verify", "system", self._system_key("verify")) is not None
+
     def models(self) -> dict[str, ReducedModel]:
         """The reduced models that are compared with the reference model, the run's own first."""
         models = {MODEL: self.model}

@@ -47,7 +47,12 @@ def test_processes_find_the_same_as_one(alone: Any, good_study: Path, tmp_path: 
             *run.reduced_names
         }
         execute(run, path, report=False)
+    # Every body is proven by one process.
+    assert not [entry for entry in log.done if entry.startswith("read ")]
     assert_close(alone, summary(tmp_path))
+    with opened_run(path, (), tmp_path, Log(), jobs=2) as again:
+        # Nothing is left for other processes.
+        assert not isinstance(again, ParallelRun)
 
 
 class Dying(Executor):
