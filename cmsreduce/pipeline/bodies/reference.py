@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ __all__ = [
     "WRITTEN_LIMIT",
     "Reference",
     "all_modes",
+    "all_modes_fit",
     "damped_by_modes",
     "in_free_modes",
     "reference",
@@ -26,6 +28,9 @@ ALL_MODES = "all modes"
 """Label of a body that is represented by all its modes."""
 ALL_MODES_LIMIT = 2000
 """Dofs up to which all modes of a body, n dense columns and n^3 operations, take seconds."""
+SYSTEM_LIMIT = 3000
+"""Dofs up to which the bodies of a scene have all their modes: the modes of the system are n^3 operations, half a
+minute of a core, in every configuration."""
 WRITTEN_LIMIT = 600
 """Dofs up to which an unreduced body is written in all its modes: its modal integrals have 9 n^2 numbers."""
 # A sparse factorisation per frequency takes seconds beyond this.
@@ -60,7 +65,9 @@ class Reference:
         return "in all its modes" if self.label == ALL_MODES else f"in its {self.label} and all static shapes"
 
 
-def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz: float) -> Reference:
+def reference(
+    body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz: float, *, fits: bool = True
+) -> Reference:
     """Choose the representation of an unreduced body in the frequency response.
 
     A damping law stated mode by mode needs all modes of the body, since it applies to all of them, and so does Rayleigh
@@ -79,8 +86,10 @@ def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz
         Rigid-body modes.
     cutoff_hz : float
         Cutoff of the reduction.
+    fits : bool
+        False if the bodies of the scene are too many for all modes of each, by `all_modes_fit`.
     """
-    if not in_free_modes(body, rigid):
+    if not in_free_modes(body, rigid, fits=fits):
         if not damped_by_modes(body, rigid):
             return Reference(None, "sparse dofs")
         return Reference(all_modes(body, rigid), ALL_MODES)
@@ -89,9 +98,20 @@ def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz
     return Reference(modes, f"modes to {_BEYOND_CUTOFF:g} x cutoff")
 
 
-def in_free_modes(body: FEModel, rigid: NDArray[np.float64]) -> bool:
-    """True if a body with rigid modes (n, r) is so large that its reference has free modes up to a frequency alone."""
-    return body.n > (ALL_MODES_LIMIT if damped_by_modes(body, rigid) else SPARSE_LIMIT)
+def in_free_modes(body: FEModel, rigid: NDArray[np.float64], *, fits: bool = True) -> bool:
+    """True if a body with rigid modes (n, r) has a reference with free modes up to a frequency alone.
+
+    It is too large itself, or the bodies of its scene together are (``fits`` is False).
+    """
+    if damped_by_modes(body, rigid):
+        return not fits or body.n > ALL_MODES_LIMIT
+    return body.n > SPARSE_LIMIT
+
+
+def all_modes_fit(bodies: Iterable[tuple[FEModel, NDArray[np.float64]]]) -> bool:
+    """True if the bodies of a scene, with rigid modes (n, r), that need all their modes are few or small enough."""
+    sizes = [body.n for body, rigid in bodies if damped_by_modes(body, rigid)]
+    return sum(n for n in sizes if n <= ALL_MODES_LIMIT) <= SYSTEM_LIMIT
 
 
 def damped_by_modes(body: FEModel, rigid: NDArray[np.float64]) -> bool:

@@ -29,6 +29,7 @@ from cmsreduce.pipeline.bodies import (
     FlexibleBody,
     ProvenBody,
     Reference,
+    all_modes_fit,
     copy_of,
     damping_remark,
     in_free_modes,
@@ -290,7 +291,7 @@ class BodyStages:
         name = self.mode_sets.first_alike(name, other)
         if not self.makes_reference or name in self.mode_sets.unneeded:
             return None
-        if not in_free_modes(self.bodies[name].body, self.bodies[name].rigid):
+        if not in_free_modes(self.bodies[name].body, self.bodies[name].rigid, fits=self.all_modes_fit):
             return None
         # A reference that fails stops no reduction; the comparison meets the error again, and reports it.
         with suppress(Exception):
@@ -391,7 +392,13 @@ class BodyStages:
 
     @once
     def _reference_key(self, name: str) -> str:
-        return reference_key(self.bodies[name], self.mode_sets.cutoff_hz(name))
+        return reference_key(self.bodies[name], self.mode_sets.cutoff_hz(name), self.all_modes_fit)
+
+    @property
+    @once
+    def all_modes_fit(self) -> bool:
+        """True if the bodies together are small enough for all their modes in the reference model."""
+        return all_modes_fit((each.body, each.rigid) for each in self.bodies.values())
 
     @stage(
         "reference",
@@ -402,7 +409,8 @@ class BodyStages:
     )
     def _reference(self, name: str) -> Reference:
         flexible = self.bodies[name]
-        return reference(flexible.body, flexible.ports, flexible.rigid, self.mode_sets.cutoff_hz(name))
+        cutoff_hz = self.mode_sets.cutoff_hz(name)
+        return reference(flexible.body, flexible.ports, flexible.rigid, cutoff_hz, fits=self.all_modes_fit)
 
     def reference(self, name: str) -> Reference:
         """Representation of one unreduced body; copies of a body have one."""

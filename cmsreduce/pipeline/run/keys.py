@@ -91,10 +91,10 @@ def read_key(pipeline: Pipeline, name: str) -> str:
     return stage_key("read", name, part, scene, residuals, _parameters(pipeline, name))
 
 
-def reference_key(flexible: FlexibleBody, cutoff_hz: float) -> str:
+def reference_key(flexible: FlexibleBody, cutoff_hz: float, fits: bool) -> str:
     """Hash of everything that the representation of an unreduced body depends on."""
     # All modes of a small body are taken, whatever the cutoff.
-    beyond = None if flexible.body.n <= ALL_MODES_LIMIT else cutoff_hz
+    beyond = None if fits and flexible.body.n <= ALL_MODES_LIMIT else cutoff_hz
     return stage_key("reference", flexible.fingerprint, repr(flexible.body.damping), beyond)
 
 

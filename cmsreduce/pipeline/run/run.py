@@ -29,7 +29,7 @@ from cmsreduce.pipeline.bodies import all_modes, damped_by_modes, spin_notes
 from cmsreduce.pipeline.choose import Balancing, Choice
 from cmsreduce.pipeline.project import Projected, ProjectStage, ResponseShapes
 from cmsreduce.pipeline.run.bodies import BodyStages
-from cmsreduce.pipeline.run.keys import projected_error, reference_key, reference_model_key, system_key
+from cmsreduce.pipeline.run.keys import projected_error, reference_model_key, system_key
 from cmsreduce.pipeline.run.verification import Verification, Verified
 from cmsreduce.pipeline.store import (
     CommonWork,
@@ -93,7 +93,7 @@ class Run(BodyStages):
 
     def _comparison_key(self) -> str:
         labels = {name: found.label for name, found in self.references.items()}
-        keys = {name: reference_key(self.bodies[name], self.mode_sets.cutoff_hz(name)) for name in labels}
+        keys = {name: self._reference_key(name) for name in labels}
         return reference_model_key(self.pipeline, self._points, keys | {f"{n}.label": t for n, t in labels.items()})
 
     @property

@@ -15,6 +15,7 @@ from cmsreduce.model import (
     Proof,
     ReductionChecks,
 )
+from cmsreduce.pipeline.bodies import ALL_MODES_LIMIT
 from cmsreduce.pipeline.store import diagnostic, once
 from cmsreduce.pipeline.system import (
     MODEL,
@@ -94,9 +95,17 @@ class Verification:
             yield from (f"not checked: {missing}" for missing in found.checks.left_out)
         yield from _between_notes(found.between)
         yield from self._whirl_note(found)
-        for name, label in found.reference.items():
-            if label.startswith("modes"):
-                dofs = self.run.bodies[name].body.n
+        short = {name: label for name, label in found.reference.items() if label.startswith("modes")}
+        sizes = {name: self.run.bodies[name].body.n for name in short}
+        together = {} if self.run.all_modes_fit else {n: size for n, size in sizes.items() if size <= ALL_MODES_LIMIT}
+        if together:
+            yield (
+                f"{len(together)} bodies have {sum(together.values())} dofs together, too many for all modes of each; "
+                f"the reference model holds {next(iter(short.values()))} and all static shapes of them"
+            )
+        for name, label in short.items():
+            if name not in together:
+                dofs = sizes[name]
                 yield (
                     f"{name}: {dofs} dofs are too many for all modes or for a solve per frequency; "
                     f"the reference model holds {label} and all static shapes of it"

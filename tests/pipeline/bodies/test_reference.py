@@ -62,3 +62,14 @@ def test_static_responses_to_the_inertia_of_static_shapes_bring_the_response_nea
     assert found < 5e-5
     assert found < plain / 3
     assert assembled(found_modes).m == less.omega.size + 13
+
+
+def test_bodies_that_are_too_many_together_have_no_modes_to_spare(bar) -> None:
+    some, rigid = references.SYSTEM_LIMIT // bar.n, np.zeros((bar.n, 0))
+    assert references.all_modes_fit([(bar, rigid)] * some)
+    assert not references.all_modes_fit([(bar, rigid)] * (some + 1))
+    # Damping that has a sparse matrix asks for no modes.
+    structural = replace(bar, damping=Damping(structural=0.01))
+    assert references.all_modes_fit([(structural, rigid)] * (2 * some))
+    assert references.in_free_modes(bar, rigid, fits=False) and not references.in_free_modes(bar, rigid)
+    assert not references.in_free_modes(structural, rigid, fits=False)
