@@ -27,7 +27,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("report/page/page.py", ()),
         ("write/summary/summary.py", ()),
         ("read/nastran/op4.py", ()),
-        ("cli.py", ()),
+        ("cli/__main__.py", ()),
         ("verify/response_error.py", ("cutoff", "balance", "verify")),
         ("balance/modal_gain.py", ("cutoff", "balance", "verify")),
         ("reduce/craig_bampton.py", ("reduce", "reference", "cutoff", "balance", "verify")),
