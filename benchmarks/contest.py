@@ -83,9 +83,9 @@ class Peer:
         return [*start, self.python, str(HERE / self.script), str(folder), *self.arguments]
 
 
-def _slepc(title: str, package: str, processes: int = 1) -> Peer:
+def _slepc(title: str, *arguments: str, processes: int = 1) -> Peer:
     python, needs = "/usr/bin/python3", "import petsc4py, slepc4py"
-    return Peer(title, "slepc.py", (package,), python, needs, processes=processes, environment=_DEBIAN)
+    return Peer(title, "slepc.py", arguments, python, needs, processes=processes, environment=_DEBIAN)
 
 
 def _own(title: str, name: str, largest: int | None = None) -> Peer:
@@ -119,7 +119,8 @@ PEERS = {
     "scipy-mmd": Peer("scipy, MMD order", "scipy_plain.py", ("mmd",)),
     "scipy-metis": Peer("scipy, METIS order", "scipy_plain.py", ("metis",), needs="import pymetis"),
     "slepc-mumps": _slepc("SLEPc, MUMPS", "mumps"),
-    "slepc-mumps-mpi": _slepc("SLEPc, MUMPS, 2 processes", "mumps", 2),
+    "slepc-mumps-mpi": _slepc("SLEPc, MUMPS, 2 processes", "mumps", processes=2),
+    "slepc-slices": _slepc("SLEPc, slices, MUMPS", "mumps", "slices"),
     "slepc-cholmod": _slepc("SLEPc, CHOLMOD", "cholmod"),
     "exudyn": _own("Exudyn", "exudyn"),
     # Dense matrices: 1 GiB at 3000 dofs.

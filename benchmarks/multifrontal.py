@@ -4,6 +4,8 @@
 10 000 and 30 000 dofs, half a minute in all. Each solver has the stiffness of the body with its ends held, analyses
 and factorises it, and solves for one, eight and 64 columns; the least of three of each counts. ``error`` is the largest
 residual of a row over the sum of the sizes of its terms.
+
+``--counts`` counts the modes below the cutoff of each body instead: the negative pivots of K - omega^2 M.
 """
 
 from __future__ import annotations
@@ -29,8 +31,11 @@ from cmsreduce.linalg.machine import (  # noqa: E402
     mkl_library,
     solver_settings,
 )
+from cmsreduce.linalg.sparse import share_order  # noqa: E402
+from cmsreduce.linalg.sparse.lower_triangle import lower_pattern  # noqa: E402
+from cmsreduce.linalg.sparse.multifrontal import Multifrontal  # noqa: E402
 from cmsreduce.linalg.sparse.pardiso import Pardiso  # noqa: E402
-from cmsreduce.multifrontal import CholeskyFactor, nested_dissection  # noqa: E402
+from cmsreduce.multifrontal import CholeskyFactor, compile_loops, nested_dissection  # noqa: E402
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
@@ -95,6 +100,31 @@ def rows(names: list[str], threads: int) -> Iterator[list[str]]:
             yield [name, str(K.shape[0]), solver.__name__, *seconds, f"{error:.0e}"]
 
 
+def counts(names: list[str], threads: int) -> Iterator[list[str]]:
+    """A line of the table for each body and way to count; the fill-reducing order is known, as in a run."""
+    kinds = {
+        "multifrontal, nothing kept": lambda A: Multifrontal(A, lambda cost: None, definite=False, solves=False),
+        "multifrontal": lambda A: Multifrontal(A, lambda cost: None, definite=False),
+        "PARDISO": lambda A: Pardiso(A, False, lambda cost: None),
+    }
+    if mkl_library() is None:
+        del kinds["PARDISO"]
+    compile_loops()
+    for name in names:
+        body = problem(name)[0]
+        A = sp.csc_array(body.K - (2 * np.pi * body.cutoff_hz) ** 2 * body.M)
+        for kind, make in kinds.items():
+            with solver_settings(SolverSettings(threads=threads)) as settings:
+                order = share_order(A)
+                settings.orders.store(*lower_pattern(A), nested_dissection(A) if order is None else order)
+                busy = time.process_time()
+                seconds, factor = least(lambda make=make, A=A: make(A))
+                busy = (time.process_time() - busy) / ROUNDS
+            found = [f"{seconds:.2f}", f"{busy:.2f}", f"{factor.cost.bytes / 2**20:.0f}", str(factor.negative_pivots)]
+            yield [name, str(A.shape[0]), kind, *found]
+            del factor
+
+
 def least(work: Callable[[], Any]) -> tuple[float, Any]:
     """Least seconds of a function, and its result."""
     seconds, found = np.inf, None
@@ -110,8 +140,11 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bodies", nargs="*", default=list(BODIES))
     parser.add_argument("--threads", type=int, default=SolverSettings().thread_count)
+    parser.add_argument("--counts", action="store_true", help="count modes")
     given = parser.parse_args()
     heads = ["body", "dofs", "solver", "factorise, s", *(f"{k} columns, s" for k in WIDTHS), "error"]
+    if given.counts:
+        heads = ["body", "dofs", "solver", "s", "processor time, s", "MiB", "modes"]
     print("| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
-    for line in rows(given.bodies, given.threads):
+    for line in (counts if given.counts else rows)(given.bodies, given.threads):
         print("| " + " | ".join(line) + " |", flush=True)

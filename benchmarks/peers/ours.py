@@ -74,9 +74,9 @@ def timed_numeric(report: Report) -> Iterator[None]:
     """Time the numeric phase by itself, where the factor is one of fronts."""
     plain = CholeskyFactor._factorise
 
-    def timed(factor: CholeskyFactor, *given: object) -> None:
+    def timed(factor: CholeskyFactor, *given: object) -> float:
         with report.timed("numeric"):
-            plain(factor, *given)
+            return plain(factor, *given)
 
     CholeskyFactor._factorise = timed
     yield

@@ -36,8 +36,8 @@ def distributed(A: sp.csc_matrix) -> PETSc.Mat:
     return matrix
 
 
-def main(folder: Path, package: str) -> None:
-    """Factorise, solve for the constraint modes, find the modes."""
+def main(folder: Path, package: str, sliced: bool = False) -> None:
+    """Factorise, solve for the constraint modes, find the modes: those nearest to zero, or slice by slice."""
     problem, report = Problem.load(folder), Report()
     count, comm = problem.count, PETSc.COMM_WORLD
     K, M = distributed(problem.K), distributed(problem.M)
@@ -52,6 +52,13 @@ def main(folder: Path, package: str) -> None:
     eps.setTarget(0.0)
     eps.setDimensions(nev=count)
     eps.setTolerances(tol=TOLERANCE)
+    if sliced:
+        # MUMPS tells the inertia of a shifted matrix if one process factorises the last block.
+        PETSc.Options()["mat_mumps_icntl_13"] = 1
+        for A in (K, M):
+            A.setOption(PETSc.Mat.Option.SPD, False)
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.ALL)
+        eps.setInterval(0.0, (2 * np.pi * problem.cutoff_hz) ** 2)
     st = eps.getST()
     st.setType(SLEPc.ST.Type.SINVERT)
     ksp = st.getKSP()
@@ -61,14 +68,18 @@ def main(folder: Path, package: str) -> None:
     pc.setFactorSolverType(package)
     with report.timed("factorise"):
         eps.setUp()
-        factor = pc.getFactorMatrix()
+        factor = None if sliced else pc.getFactorMatrix()
+    Psi = None
     with report.timed("solves"):
+        if sliced:
+            coupling = coupling[:, :0]
         low, high = K.getOwnershipRange()
         own = np.asfortranarray(-coupling.tocsr()[low:high].toarray())
         sizes = K.getSizes()[0], (None, own.shape[1])
-        B = PETSc.Mat().createDense(sizes, array=own)
-        Psi = PETSc.Mat().createDense(sizes, array=np.zeros_like(own, order="F"))
-        factor.matSolve(B, Psi)
+        if own.shape[1]:
+            B = PETSc.Mat().createDense(sizes, array=own)
+            Psi = PETSc.Mat().createDense(sizes, array=np.zeros_like(own, order="F"))
+            factor.matSolve(B, Psi)
     PETSc.Log.begin()
     with report.timed("modes"):
         eps.solve()
@@ -90,10 +101,10 @@ def main(folder: Path, package: str) -> None:
         if comm.rank == 0:
             X[:, k] = whole.array
     if comm.rank == 0:
-        statics = Psi.getDenseArray() if comm.size == 1 else None
+        statics = Psi.getDenseArray() if Psi is not None and comm.size == 1 else None
         report.check(Problem.load(folder), hz, X, statics)
         report.write(folder / "report.json")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2])
+    main(Path(sys.argv[1]), sys.argv[2], "slices" in sys.argv[3:])

@@ -14,13 +14,20 @@ from cmsreduce.multifrontal.ordering import compressed_graph, dissection_install
 from cmsreduce.multifrontal.threads import blas_threads
 
 if TYPE_CHECKING:
-    from cmsreduce.multifrontal.factor import CholeskyFactor, FactorSize, NotPositiveDefiniteError, compile_loops
+    from cmsreduce.multifrontal.factor import (
+        CholeskyFactor,
+        FactorSize,
+        NotPositiveDefiniteError,
+        UnstableError,
+        compile_loops,
+    )
     from cmsreduce.multifrontal.loops import compiled_folder
 
 __all__ = [
     "CholeskyFactor",
     "FactorSize",
     "NotPositiveDefiniteError",
+    "UnstableError",
     "blas_threads",
     "compile_loops",
     "compiled_folder",
@@ -34,7 +41,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     # The factor needs numba, which takes half a second to load.
-    if name in ("CholeskyFactor", "FactorSize", "NotPositiveDefiniteError", "compile_loops"):
+    if name in ("CholeskyFactor", "FactorSize", "NotPositiveDefiniteError", "UnstableError", "compile_loops"):
         return getattr(import_module("cmsreduce.multifrontal.factor"), name)
     if name == "compiled_folder":
         return import_module("cmsreduce.multifrontal.loops").compiled_folder

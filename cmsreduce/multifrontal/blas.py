@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from cmsreduce.multifrontal.loops import loop
 
 __all__ = [
+    "MINUS",
+    "ONE",
     "PLAIN",
     "TRANSPOSED",
     "factorise_block",
@@ -30,7 +32,7 @@ __all__ = [
 
 # Places in the table: the addresses of the routines, of the letters for their options, and of -1, 0 and 1.
 _GEMM, _SYRK, _TRSM, _POTRF = range(4)
-_LETTERS, _MINUS, _ZERO, _ONE = 4, 5, 6, 7
+_LETTERS, MINUS, _ZERO, ONE = 4, 5, 6, 7
 # Places of the letters: right side, lower triangle, transposed matrix, plain matrix.
 _RIGHT, _LOWER, TRANSPOSED, PLAIN = range(4)
 _OPTIONS = np.frombuffer(b"RLTN", dtype=np.uint8).copy()
@@ -102,12 +104,12 @@ def subtract_product(
             at,
             at + 4,
             at + 8,
-            table[_MINUS],
+            table[MINUS],
             A[0],
             at + 12,
             B[0],
             at + 16,
-            table[_ONE],
+            table[ONE],
             C[0],
             at + 20,
         ),
@@ -122,8 +124,9 @@ def update(
     A: tuple[int, int],
     C: tuple[int, int],
     fresh: bool,
+    factor: int,
 ) -> None:
-    """C = C - A A^T in the lower triangle, or C = -A A^T if ``fresh``; ``shape`` is that of A."""
+    """C = C + f A A^T in the lower triangle, or C = f A A^T if ``fresh``; ``shape`` is that of A, f is MINUS or ONE."""
     for place, value in enumerate((shape[0], shape[1], A[1], C[1])):
         sizes[place] = value
     at = sizes.ctypes.data
@@ -134,10 +137,10 @@ def update(
             table[_LETTERS] + PLAIN,
             at,
             at + 4,
-            table[_MINUS],
+            table[factor],
             A[0],
             at + 8,
-            table[_ZERO] if fresh else table[_ONE],
+            table[_ZERO] if fresh else table[ONE],
             C[0],
             at + 12,
         ),
@@ -166,7 +169,7 @@ def solve_block(
             letters + PLAIN,
             at,
             at + 4,
-            table[_ONE],
+            table[ONE],
             L[0],
             at + 8,
             B[0],

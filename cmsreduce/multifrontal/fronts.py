@@ -1,4 +1,4 @@
-"""Dense blocks of a multifrontal Cholesky factorisation: storage, assembly and elimination.
+"""Dense blocks of a multifrontal factorisation: storage, assembly and elimination.
 
 The front of a supernode has its columns and the rows below them. The update is the part of the front that remains
 after the elimination; it is added to the front of the parent.
@@ -11,24 +11,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.multifrontal.blas import TRANSPOSED, factorise_block, solve_block, subtract_product, update
 from cmsreduce.multifrontal.loops import loop
+from cmsreduce.multifrontal.panels import PANEL, eliminate_panel, subtract_columns, update_rest
 
-__all__ = ["PANEL", "Blocks", "Given", "depth_parity", "eliminate", "place_panels", "stack_size"]
+__all__ = ["Blocks", "Given", "depth_parity", "eliminate", "place_panels", "stack_size"]
 
 Ints = NDArray[np.int64]
 Rows = NDArray[np.int32]
 
-PANEL = 256
-"""Largest number of columns in a panel. A panel has no rows above its first column: little more than the lower triangle
-is stored."""
-
-# Columns of a panel that are eliminated at a time. Of 16, 32, 64 and 256, 64 is the quickest: 6 % less time than 256.
-_STRIP = 64
-
 
 class Blocks(NamedTuple):
-    """Supernodes of a factor, and their entries.
+    """Supernodes of a factor L S L^T, and the entries of L.
 
     Parameters
     ----------
@@ -43,7 +36,9 @@ class Blocks(NamedTuple):
     entries : (p + 1,) int64
         Start of the entries of each panel, which are stored by columns.
     values : float64 or float32
-        Entries of all panels.
+        Entries of all panels; of the panels of one supernode at a time if they are not kept.
+    signs : (n,) int8
+        Sign in S of each column in a diagonalised block; 0 for other columns, whose sign is positive.
     """
 
     first: Ints
@@ -52,6 +47,7 @@ class Blocks(NamedTuple):
     panels: Ints
     entries: Ints
     values: NDArray[Any]
+    signs: NDArray[np.int8]
 
 
 class Given(NamedTuple):
@@ -69,6 +65,8 @@ class Given(NamedTuple):
         Start of the children of each supernode, and all children.
     parity : (s,) int64
         0 for an even and 1 for an odd number of steps from a supernode up to its root.
+    indefinite : bool
+        Whether negative pivots are allowed.
     """
 
     starts: Rows
@@ -80,23 +78,38 @@ class Given(NamedTuple):
     members: Ints
     children: Ints
     parity: Ints
+    indefinite: bool
 
 
 @loop
-def place_panels(first: Ints, begin: Ints) -> tuple[Ints, Ints]:
-    """Number of the first panel of each supernode (s + 1,), and start of the entries of each panel (p + 1,)."""
+def place_panels(first: Ints, begin: Ints, kept: bool) -> tuple[Ints, Ints, Ints]:
+    """Places of the panels of all supernodes.
+
+    Returns
+    -------
+    panels : (s + 1,) int64
+        Number of the first panel of each supernode.
+    entries : (p + 1,) int64
+        Start of the entries of each panel. If they are not kept, each supernode starts from zero.
+    size : (s,) int64
+        Entries of each supernode.
+    """
     s = first.size - 1
-    panels = np.zeros(s + 1, np.int64)
+    panels, size = np.zeros(s + 1, np.int64), np.zeros(s, np.int64)
     for k in range(s):
         panels[k + 1] = panels[k] + (first[k + 1] - first[k] + PANEL - 1) // PANEL
     entries = np.zeros(panels[s] + 1, np.int64)
     for k in range(s):
         c = first[k + 1] - first[k]
         front = c + begin[k + 1] - begin[k]
+        if not kept:
+            entries[panels[k]] = 0
         for j, p in enumerate(range(panels[k], panels[k + 1])):
             a = j * PANEL
-            entries[p + 1] = entries[p] + (front - a) * (min(a + PANEL, c) - a)
-    return panels, entries
+            held = (front - a) * (min(a + PANEL, c) - a)
+            entries[p + 1] = entries[p] + held
+            size[k] += held
+    return panels, entries, size
 
 
 @loop
@@ -139,13 +152,15 @@ def eliminate(
     updates: NDArray[Any],
     tops: Ints,
     where: Rows,
+    raised: NDArray[np.float64],
     table: Ints,
 ) -> int:
-    """Eliminate supernodes, children before parents; return 0, or the number of the pivot that is not positive.
+    """Eliminate supernodes, children before parents; return 0, or the number of the pivot that failed.
 
     Two stacks grow from both ends of ``updates``. The update of a supernode goes to one stack and the updates of its
     children to the other, so that it never has to move to their place. ``places`` (s,) is the start of each update,
-    ``tops`` (2,) the size of each stack, and ``where`` (n,) work space.
+    ``tops`` (2,) the size of each stack, and ``where`` (n,) work space. The part of the diagonal of L L^T that the
+    negative columns add twice is added to ``raised`` (n,).
     """
     sizes = np.empty(8, np.int32)
     for k in range(low, high):
@@ -153,9 +168,11 @@ def eliminate(
         size, side = (blocks.begin[k + 1] - blocks.begin[k]) ** 2, given.parity[k]
         places[k] = tops[0] if side == 0 else updates.size - tops[1] - size
         _assemble(k, given, blocks, children, places, updates, where)
-        failed = _eliminate_columns(k, blocks, table, sizes)
+        failed = _eliminate_columns(k, blocks, given.indefinite, table, sizes)
         if failed:
             return int(failed)
+        if given.indefinite:
+            _add_raised(k, blocks, raised)
         _make_update(k, blocks, children, places, updates, where, table, sizes)
         tops[side] += size
         for child in children:
@@ -175,7 +192,9 @@ def _assemble(
         where[start + j] = j
     for j in range(below.size):
         where[below[j]] = c + j
-    values[blocks.entries[panel] : blocks.entries[blocks.panels[k + 1]]] = 0
+    last = blocks.panels[k + 1] - 1
+    a = (last - panel) * PANEL
+    values[blocks.entries[panel] : blocks.entries[last] + (front - a) * (c - a)] = 0
     for j in range(c):
         at = _column(blocks, panel, front, j)
         column = given.order[start + j]
@@ -200,49 +219,51 @@ def _column(blocks: Blocks, panel: int, front: int, j: int) -> int:
 
 
 @loop
-def _eliminate_columns(k: int, blocks: Blocks, table: Ints, sizes: Rows) -> int:
-    """Cholesky factor of the columns of supernode k, panel by panel; 0, or the number of the pivot that failed."""
-    c = blocks.first[k + 1] - blocks.first[k]
-    front = c + blocks.begin[k + 1] - blocks.begin[k]
-    step, base = blocks.values.itemsize, blocks.values.ctypes.data
+def _panel(blocks: Blocks, k: int, panel: int) -> NDArray[Any]:
+    """Entries (w, height) of a panel of supernode k, column by column."""
+    c, a = blocks.first[k + 1] - blocks.first[k], (panel - blocks.panels[k]) * PANEL
+    w, height = min(PANEL, c - a), c - a + blocks.begin[k + 1] - blocks.begin[k]
+    start = blocks.entries[panel]
+    return blocks.values[start : start + w * height].reshape(w, height)
+
+
+@loop
+def _signs(blocks: Blocks, k: int, panel: int) -> NDArray[np.int8]:
+    """Signs (w,) of the columns of a panel of supernode k."""
+    start = blocks.first[k] + (panel - blocks.panels[k]) * PANEL
+    return blocks.signs[start : min(start + PANEL, blocks.first[k + 1])]
+
+
+@loop
+def _eliminate_columns(k: int, blocks: Blocks, indefinite: bool, table: Ints, sizes: Rows) -> int:
+    """Eliminate the columns of supernode k, panel by panel; 0, or the number of the pivot that failed."""
     low, high = blocks.panels[k], blocks.panels[k + 1]
     for panel in range(low, high):
-        a = (panel - low) * PANEL
-        w, height = min(PANEL, c - a), front - a
-        here = base + blocks.entries[panel] * step
-        failed = _eliminate_panel(w, height, here, step, table, sizes)
+        P, signs = _panel(blocks, k, panel), _signs(blocks, k, panel)
+        failed = eliminate_panel(P, signs, indefinite, table, sizes)
         if failed:
-            return int(blocks.first[k] + a + failed)
+            return int(blocks.first[k] + (panel - low) * PANEL + failed)
         for later in range(panel + 1, high):
-            b = (later - low) * PANEL
-            source, to = here + (b - a) * step, base + blocks.entries[later] * step
-            shape = (front - b, min(PANEL, c - b), w)
-            subtract_product(table, sizes, shape, (source, height), (source, height), (to, front - b), TRANSPOSED)
+            C = _panel(blocks, k, later)
+            first, to = (later - panel) * PANEL, (C.ctypes.data, C.shape[1])
+            subtract_columns(P, signs, first, C.shape[0], to, table, sizes)
     return 0
 
 
 @loop
-def _eliminate_panel(w: int, height: int, here: int, step: int, table: Ints, sizes: Rows) -> int:
-    """Cholesky factor of a panel that starts at ``here``; 0, or the number of the pivot that failed.
-
-    It works on a few columns at a time, after one product with all columns before them: products are fast, triangular
-    solves are not.
-    """
-    for a in range(0, w, _STRIP):
-        columns, rows = min(_STRIP, w - a), height - a
-        block = here + (a * height + a) * step
-        if a:
-            before = here + a * step
-            subtract_product(
-                table, sizes, (rows, columns, a), (before, height), (before, height), (block, height), TRANSPOSED
-            )
-        failed = factorise_block(table, sizes, columns, (block, height))
-        if failed:
-            return int(a + failed)
-        if rows > columns:
-            below = block + columns * step
-            solve_block(table, sizes, (rows - columns, columns), (block, height), (below, height), TRANSPOSED)
-    return 0
+def _add_raised(k: int, blocks: Blocks, raised: NDArray[np.float64]) -> None:
+    """Add twice the squares of the negative columns of supernode k to their rows."""
+    start, end = blocks.first[k], blocks.first[k + 1]
+    below = blocks.rows[blocks.begin[k] : blocks.begin[k + 1]]
+    for panel in range(blocks.panels[k], blocks.panels[k + 1]):
+        P, signs = _panel(blocks, k, panel), _signs(blocks, k, panel)
+        first = end - start - (panel - blocks.panels[k]) * PANEL
+        for j in range(signs.size):
+            if signs[j] < 0:
+                for i in range(signs.size, first):
+                    raised[end - first + i] += 2 * P[j, i] ** 2
+                for i in range(below.size):
+                    raised[below[i]] += 2 * P[j, first + i] ** 2
 
 
 @loop
@@ -260,12 +281,10 @@ def _make_update(
     c, r = blocks.first[k + 1] - blocks.first[k], blocks.begin[k + 1] - blocks.begin[k]
     if not r:
         return
-    step, base = updates.itemsize, blocks.values.ctypes.data
-    rest = updates.ctypes.data + places[k] * step
-    for panel in range(blocks.panels[k], blocks.panels[k + 1]):
-        a = (panel - blocks.panels[k]) * PANEL
-        source = base + (blocks.entries[panel] + c - a) * step
-        update(table, sizes, (r, min(PANEL, c - a)), (source, c + r - a), (rest, r), panel == blocks.panels[k])
+    rest, low = updates.ctypes.data + places[k] * updates.itemsize, blocks.panels[k]
+    for panel in range(low, blocks.panels[k + 1]):
+        P, signs = _panel(blocks, k, panel), _signs(blocks, k, panel)
+        update_rest(P, signs, c - (panel - low) * PANEL, (rest, r), panel == low, table, sizes)
     for child in children:
         to, ends = _runs(blocks.rows[blocks.begin[child] : blocks.begin[child + 1]], where)
         for q in range(to.size):

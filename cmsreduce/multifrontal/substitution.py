@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.multifrontal.blas import PLAIN, TRANSPOSED, solve_block, subtract_product
-from cmsreduce.multifrontal.fronts import PANEL, Blocks
+from cmsreduce.multifrontal.blas import PLAIN, TRANSPOSED, subtract_product
+from cmsreduce.multifrontal.fronts import Blocks
 from cmsreduce.multifrontal.loops import loop
+from cmsreduce.multifrontal.panels import PANEL, STRIP, solve_panel
 
-__all__ = ["backward", "diagonal", "forward", "gather", "largest", "spread"]
+__all__ = ["backward", "forward", "gather", "largest", "pivots_of", "spread"]
 
 Ints = NDArray[np.int64]
 
@@ -66,7 +67,7 @@ def spread(
 
 @loop
 def forward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], shared: int, changes: NDArray[Any], table: Ints) -> None:
-    """Solve with L for a block W (n, k) in place, supernode by supernode.
+    """Solve with L, then with S, for a block W (n, k) in place, supernode by supernode.
 
     W is stored by rows: BLAS reads it by columns as W^T (k, n). Changes of rows from ``shared`` on are summed in
     ``changes``, because other threads change these rows too.
@@ -81,7 +82,8 @@ def forward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], shared: int, chan
             w = min(PANEL, c - a)
             own, height = c - a - w, c - a + below.size
             triangle, X = base + blocks.entries[panel] * step, here + (start + a) * k * step
-            solve_block(table, sizes, (k, w), (triangle, height), (X, k), TRANSPOSED)
+            signs = blocks.signs[start + a : start + a + w]
+            solve_panel(signs, (triangle, height), W, start + a, TRANSPOSED, table, sizes)
             for low in range(w, height, _AT_ONCE):
                 rows = min(_AT_ONCE, height - low)
                 Y[:rows] = 0
@@ -96,6 +98,10 @@ def forward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], shared: int, chan
                     else:
                         for q in range(k):
                             changes[row - shared, q] += Y[i, q]
+            for j in range(w):
+                if signs[j] < 0:
+                    for q in range(k):
+                        W[start + a + j, q] = -W[start + a + j, q]
 
 
 @loop
@@ -120,17 +126,26 @@ def backward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], table: Ints) -> 
                         Y[i, q] = W[row, q]
                 part = triangle + low * step
                 subtract_product(table, sizes, (k, w, rows), (Y.ctypes.data, k), (part, height), (X, k), PLAIN)
-            solve_block(table, sizes, (k, w), (triangle, height), (X, k), PLAIN)
+            signs = blocks.signs[start + a : start + a + w]
+            solve_panel(signs, (triangle, height), W, start + a, PLAIN, table, sizes)
 
 
 @loop
-def diagonal(low: int, high: int, blocks: Blocks, found: NDArray[np.float64]) -> None:
-    """Write the diagonal of L, in the order of elimination, for the columns of supernodes low to high."""
+def pivots_of(low: int, high: int, blocks: Blocks, found: NDArray[np.float64]) -> None:
+    """Write the pivots, in the order of elimination, for the columns of supernodes low to high.
+
+    They are the squares of the diagonal of L; in a diagonalised block, its eigenvalues.
+    """
     for s in range(low, high):
         c = blocks.first[s + 1] - blocks.first[s]
         front = c + blocks.begin[s + 1] - blocks.begin[s]
         for j in range(c):
-            a = j // PANEL * PANEL
-            found[blocks.first[s] + j] = blocks.values[
-                blocks.entries[blocks.panels[s] + j // PANEL] + (j - a) * (front - a + 1)
-            ]
+            a, column = j // PANEL * PANEL, blocks.first[s] + j
+            at = blocks.entries[blocks.panels[s] + j // PANEL] + (j - a) * (front - a + 1)
+            if blocks.signs[column] == 0:
+                found[column] = np.float64(blocks.values[at]) ** 2
+            else:
+                before, squares = (j - a) % STRIP, 0.0
+                for i in range(min(STRIP, c - j + before)):
+                    squares += blocks.values[at - before + i] ** 2
+                found[column] = blocks.signs[column] / squares

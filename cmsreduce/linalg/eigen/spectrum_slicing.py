@@ -57,10 +57,10 @@ def sturm_count(K: sp.csc_array, M: sp.csc_array, omega: float) -> int:
     int
         Eigenvalues below omega^2, rigid modes included.
     """
-    return shifted_factor(K, M, omega**2)[1].negative_pivots
+    return shifted_factor(K, M, omega**2, solves=False)[1].negative_pivots
 
 
-def shifted_factor(K: sp.csc_array, M: sp.csc_array, sigma: float) -> tuple[float, Factor]:
+def shifted_factor(K: sp.csc_array, M: sp.csc_array, sigma: float, *, solves: bool = True) -> tuple[float, Factor]:
     """Factorise K - sigma M with known inertia, and raise a shift that hits an eigenvalue.
 
     Parameters
@@ -69,6 +69,8 @@ def shifted_factor(K: sp.csc_array, M: sp.csc_array, sigma: float) -> tuple[floa
         Stiffness, mass.
     sigma : float
         Squared frequency.
+    solves : bool
+        False if only the inertia is asked for.
 
     Returns
     -------
@@ -84,7 +86,9 @@ def shifted_factor(K: sp.csc_array, M: sp.csc_array, sigma: float) -> tuple[floa
     for attempt in range(_STEPS):
         stepped = sigma * (1 + attempt * _STEP)
         try:
-            factor = factorise(sp.csc_array(K - stepped * M), definite=False, what="the shifted stiffness")
+            factor = factorise(
+                sp.csc_array(K - stepped * M), definite=False, what="the shifted stiffness", solves=solves
+            )
         except NotPositiveDefiniteError:
             continue
         if factor.inertia_known:

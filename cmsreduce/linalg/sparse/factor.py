@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import by_columns
 
-__all__ = ["BLOCK", "Admit", "Factor", "FactorCost", "SingularFactorError"]
+__all__ = ["BLOCK", "Admit", "Factor", "FactorCost", "SingularFactorError", "UnstableFactorError"]
 
 BLOCK = 64
 """Right-hand sides of one solve: enough to reuse the factor, few enough for the memory."""
@@ -55,6 +55,10 @@ class SingularFactorError(ArithmeticError):
     def __init__(self, row: int | None = None) -> None:
         super().__init__()
         self.row = row
+
+
+class UnstableFactorError(ArithmeticError):
+    """An indefinite matrix would lose digits with the pivots of this solver; another solver may have better ones."""
 
 
 class Factor(ABC):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.machine import BACKENDS, Backend, Precision, SolverSettings, current_settings, mkl_library
 from cmsreduce.linalg.sparse.cholmod import cholmod_factor
-from cmsreduce.linalg.sparse.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.sparse.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError, UnstableFactorError
 from cmsreduce.linalg.sparse.multifrontal import Multifrontal
 from cmsreduce.linalg.sparse.mumps import Mumps, mumps_lacks
 from cmsreduce.linalg.sparse.pardiso import Pardiso
@@ -57,7 +57,7 @@ _MIB = 2.0**20
 # with MKL, one of 3060 dofs 0.14 s less.
 _SMALL = 1000
 # Below this number of rows SuperLU is done before compiled loops are loaded: a compact body of 12 000 rows takes it one
-# second more for each factor and loops 0.8 s, once on a machine twenty.
+# second more for each factor and loops 0.8 s, once on a machine thirty.
 _COMPILED = 10_000
 LARGE = 50_000
 """From this number of rows on compiled loops save more than the second that they take to load: a multifrontal Cholesky
@@ -76,7 +76,9 @@ class InsufficientMemoryError(MatrixError):
     """A factor would not fit in the memory that it may take; nothing was allocated."""
 
 
-def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix", kept: bool = False) -> Factor:
+def factorise(
+    A: sp.csc_array, *, definite: bool = True, what: str = "the matrix", kept: bool = False, solves: bool = True
+) -> Factor:
     """Factorise a sparse symmetric matrix with a symmetric fill-reducing order.
 
     Parameters
@@ -89,6 +91,9 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
         Name of the matrix in error messages.
     kept : bool
         Whether a later step asks for this factor again: a large one is kept if it takes a small share of the memory.
+    solves : bool
+        False if only the number of negative pivots of a matrix that need not be definite is asked for: a large factor
+        then takes little memory.
 
     Returns
     -------
@@ -111,7 +116,7 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     backend = _backend(settings.backend, A.shape[0], definite)
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     factor, refused, precision = None, None, ""
-    for precision_tried, kind in _kinds(backend, settings, definite):
+    for precision_tried, kind in _kinds(backend, settings, definite, solves):
         try:
             try:
                 factor = kind(A, definite, admit)
@@ -125,6 +130,8 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
         except InsufficientMemoryError as error:
             # The frames of the error hold the symbolic factor, some kB for each row.
             refused = error.with_traceback(None)
+        except UnstableFactorError:
+            continue
         except UnrefinableError:
             if refused is None:
                 raise MatrixError(
@@ -139,9 +146,12 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
         except SingularFactorError as error:
             row = _singular_row(A) if error.row is None else error.row
             raise NotPositiveDefiniteError(f"{what} is singular: nothing holds row {row + 1}", row) from None
-    if factor is None:
-        assert refused is not None
+    if refused is not None and factor is None:
         raise refused from None
+    if factor is None:
+        raise MatrixError(
+            f"{what} ({A.shape[0]} rows) loses its digits without exchanges of rows; set solver.precision to double"
+        )
     seconds, cost = time.perf_counter() - started, factor.cost
     settings.work.append(
         Factorisation(
@@ -183,7 +193,7 @@ def installed(backend: Backend) -> bool:
 def _backend(wanted: Backend, n: int, definite: bool) -> Backend:
     """The solver of the settings, or for ``auto`` the quickest for n rows."""
     if wanted == "auto":
-        if definite and n >= LARGE and installed("multifrontal"):
+        if n >= LARGE and installed("multifrontal"):
             return "multifrontal"
         # MUMPS comes last, so it is not tested here: the test takes a second.
         compiled = n >= _COMPILED or installed("pardiso")
@@ -196,19 +206,28 @@ def _backend(wanted: Backend, n: int, definite: bool) -> Backend:
     return wanted if n else "superlu"
 
 
-def _kinds(backend: Backend, settings: SolverSettings, definite: bool) -> Iterator[tuple[str, _Kind]]:
+def _kinds(backend: Backend, settings: SolverSettings, definite: bool, solves: bool) -> Iterator[tuple[str, _Kind]]:
     """Precisions and factors of a solver in the order in which they are tried.
 
     Raises `MatrixError` if the settings name this solver and single precision, which it does not have.
     """
-    # PARDISO needs no memory beside the factor: it follows the multifrontal solver.
-    followed = backend == "multifrontal" and settings.backend == "auto" and installed("pardiso")
-    tried: list[Backend] = [backend, "pardiso"] if followed else [backend]
-    rough: dict[str, Rough] = {"pardiso": Pardiso, "multifrontal": _rough_multifrontal}
+    if backend == "multifrontal" and not solves and not definite:
+        yield "double", partial(_multifrontal_any, solves=False)
+    tried: list[Backend] = [backend]
+    if backend == "multifrontal" and installed("pardiso") and (settings.backend == "auto" or not definite):
+        # PARDISO needs no memory beside the factor, and exchanges the rows of a block that is not definite.
+        tried += ["pardiso"]
+    elif backend == "multifrontal" and not definite:
+        tried += ["superlu"]
+    rough: dict[str, Rough] = {
+        "pardiso": Pardiso,
+        "multifrontal": _rough_multifrontal if definite else _rough_multifrontal_any,
+    }
     single: list[tuple[str, _Kind]] = [
         ("single", partial(RefinedFactor, rough=rough[each])) for each in tried if each in rough
     ]
-    double: list[tuple[str, _Kind]] = [("double", _DOUBLE[each]) for each in tried]
+    exact = _DOUBLE if definite else {**_DOUBLE, "multifrontal": _multifrontal_any}
+    double: list[tuple[str, _Kind]] = [("double", exact[each]) for each in tried]
     if settings.precision == "single" and not single and settings.backend != "auto":
         raise MatrixError(
             f"{' and '.join(rough)} make factors in single precision, {backend} does not: set solver.backend to one "
@@ -219,25 +238,25 @@ def _kinds(backend: Backend, settings: SolverSettings, definite: bool) -> Iterat
     yield from {"single": single or double, "double": double, "auto": [*double, *single]}[precision]
     named = settings.backend not in ("auto", "multifrontal")
     # The question whether it is installed loads numba.
-    if definite and settings.scratch is not None and not named and installed("multifrontal"):
+    if settings.scratch is not None and not named and installed("multifrontal"):
         yield from _on_disk(settings.scratch, settings.precision)
 
 
 def _on_disk(folder: Path, precision: Precision) -> list[tuple[str, _Kind]]:
-    """Factors of definite matrices in a file. In single precision half as much is read for each solve."""
+    """Factors in a file. In single precision half as much is read for each solve."""
 
     def double(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
-        return Multifrontal(A, admit, folder=folder)
+        return Multifrontal(A, admit, folder=folder, definite=definite)
 
     def rough(A: sp.csc_array, definite: bool, admit: Admit, scale: NDArray[np.float64]) -> Factor:
-        return Multifrontal(A, admit, scale, folder)
+        return Multifrontal(A, admit, scale, folder, definite=definite)
 
     kinds: list[tuple[str, _Kind]] = [("single", partial(RefinedFactor, rough=rough)), ("double", double)]
     return [kind for kind in kinds if precision in ("auto", kind[0])]
 
 
 def _multifrontal(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
-    """Multifrontal factor of a definite matrix; factor by another solver of any other matrix, which needs pivoting."""
+    """Multifrontal factor of a definite matrix; of one that proves not to be, a factor that shows its weakest row."""
     if definite:
         return Multifrontal(A, admit)
     return Pardiso(A, definite, admit) if installed("pardiso") else SuperLU(A, definite, admit)
@@ -246,6 +265,16 @@ def _multifrontal(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
 def _rough_multifrontal(A: sp.csc_array, definite: bool, admit: Admit, scale: NDArray[np.float64]) -> Factor:
     """The same in single precision."""
     return Multifrontal(A, admit, scale) if definite else Pardiso(A, definite, admit, scale)
+
+
+def _multifrontal_any(A: sp.csc_array, definite: bool, admit: Admit, solves: bool = True) -> Factor:
+    """Multifrontal factor of a matrix that need not be definite."""
+    return Multifrontal(A, admit, definite=definite, solves=solves)
+
+
+def _rough_multifrontal_any(A: sp.csc_array, definite: bool, admit: Admit, scale: NDArray[np.float64]) -> Factor:
+    """The same in single precision."""
+    return Multifrontal(A, admit, scale, definite=definite)
 
 
 _DOUBLE: dict[str, _Kind] = {

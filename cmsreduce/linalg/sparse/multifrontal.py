@@ -1,4 +1,4 @@
-"""Backend `cmsreduce.multifrontal`, with the settings and errors of this package: Cholesky factors on all threads."""
+"""Backend `cmsreduce.multifrontal`, with the settings and errors of this package: symmetric factors on all threads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.machine import current_settings
-from cmsreduce.linalg.sparse.factor import Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.sparse.factor import Admit, Factor, FactorCost, SingularFactorError, UnstableFactorError
 from cmsreduce.linalg.sparse.lower_triangle import lower_pattern
 from cmsreduce.model import mapped_values
 from cmsreduce.multifrontal import nested_dissection
@@ -19,7 +19,7 @@ __all__ = ["Multifrontal"]
 
 
 class Multifrontal(Factor):
-    """Cholesky factors L L^T of a positive definite matrix.
+    """Cholesky factors L L^T, or L S L^T with signs S of a matrix that need not be definite.
 
     Parameters
     ----------
@@ -28,15 +28,20 @@ class Multifrontal(Factor):
     admit : callable
         Refuses a factor that is too large.
     scale : (n,) float64, optional
-        S, for factors of S A S in float32: half the memory and half the time, seven digits.
-
+        Scale, for a factor of the scaled matrix in float32: half the memory and half the time, seven digits.
     folder : Path, optional
         Folder of a file for the entries; in memory if absent.
+    definite : bool
+        Whether the matrix is taken to be positive definite.
+    solves : bool
+        False if only the inertia is asked for: the entries of the factor are not kept.
 
     Raises
     ------
     SingularFactorError
-        If a pivot is not positive.
+        If a pivot of a definite matrix is not positive.
+    UnstableFactorError
+        If an indefinite matrix needs other pivots.
     OSError
         If the disk has no room for the file.
     """
@@ -49,9 +54,12 @@ class Multifrontal(Factor):
         admit: Admit,
         scale: NDArray[np.float64] | None = None,
         folder: Path | None = None,
+        *,
+        definite: bool = True,
+        solves: bool = True,
     ) -> None:
         # Imported here: numba takes half a second to load, which small bodies do not need.
-        from cmsreduce.multifrontal import CholeskyFactor, FactorSize, NotPositiveDefiniteError
+        from cmsreduce.multifrontal import CholeskyFactor, FactorSize, NotPositiveDefiniteError, UnstableError
 
         def admit_size(size: FactorSize) -> None:
             file = 0.0 if folder is None else size.stored
@@ -74,19 +82,26 @@ class Multifrontal(Factor):
                 scale=scale,
                 admit=admit_size,
                 allocate=np.empty if folder is None else partial(mapped_values, folder),
+                indefinite=not definite,
+                kept=solves,
             )
+        except UnstableError:
+            raise UnstableFactorError from None
         except NotPositiveDefiniteError as error:
             # An L D L^T, which shows the weakest row, has no room in memory if this factor has none.
             raise SingularFactorError(None if folder is None else error.row) from None
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solution (n, k) for A, not for S A S, in the layout of b; in single precision to seven digits."""
+        """Solution (n, k) for A itself, in the layout of b; in single precision to seven digits."""
         return self._factor.solve(b)
 
     @cached_property
     def pivots(self) -> NDArray[np.float64]:
-        """Pivots in the matrix's own row order (n,)."""
+        """Pivots in the matrix's own row order (n,); where a block is not definite, its eigenvalues."""
         return self._factor.pivots
+
+    def _negative_pivots(self) -> int:
+        return self._factor.negative
 
     @property
     def inertia_known(self) -> bool:

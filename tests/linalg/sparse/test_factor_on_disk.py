@@ -5,6 +5,7 @@ import json
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,22 @@ def test_modes_and_static_shapes_are_those_of_a_factor_in_memory(tmp_path, preci
     assert (work.backend, work.precision) == ("multifrontal", taken)
     assert size * work.entries <= work.file_mib * 2**20 < 1.3 * size * work.entries
     assert work.mib * 2**20 < settings.memory
+
+
+def test_a_shifted_factor_lies_in_a_file_too(tmp_path):
+    """Its count needs no file."""
+    A = sp.csc_array(BEAM.K - OMEGA**2 * BEAM.M)
+    x = np.random.default_rng(2).standard_normal((BEAM.n, 3))
+    given = little(tmp_path, "double", "multifrontal")
+    with solver_settings(replace(given, memory=1e7)):
+        assert factorise(A, definite=False, solves=False).negative_pivots == COUNT
+    with solver_settings(given):
+        factor = factorise(A, definite=False)
+        found = factor(A @ x)
+    assert factor.negative_pivots == COUNT
+    np.testing.assert_allclose(found, x, rtol=0, atol=1e-9 * abs(x).max())
+    counted, stored = given.work
+    assert (counted.file_mib, stored.backend) == (0.0, "multifrontal") and stored.file_mib > 0
 
 
 def test_a_factor_in_memory_is_preferred(tmp_path):

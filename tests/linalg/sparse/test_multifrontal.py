@@ -4,12 +4,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen import beside_modes, certified_modes, count_below
+from cmsreduce.linalg.eigen.spectrum_slicing import sturm_count
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.linalg.sparse import InsufficientMemoryError, NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.sparse import factorisation as module
 from cmsreduce.linalg.sparse.multifrontal import Multifrontal
+from cmsreduce.multifrontal import factor as package
+from tests.linalg.sparse.test_factorise import BRICKS, SPECTRA, TOWER
 from tests.solids import block
 
 CUBE = block("cube", (1.0, 1.0, 1.0), (15, 15, 15), held=range(1, 257))
@@ -28,14 +32,14 @@ def test_an_indefinite_matrix_is_refused(threads, row):
         factorise(A, what="the cube")
 
 
-def test_auto_takes_it_for_large_definite_matrices(monkeypatch):
+def test_auto_takes_it_for_large_matrices(monkeypatch):
     monkeypatch.setattr(module, "LARGE", CUBE.n)
     with solver_settings(SolverSettings()) as settings:
         assert isinstance(factorise(CUBE.K), Multifrontal)
         factorise(CUBE.K[:-1][:, :-1])
         factorise(CUBE.K, definite=False)
-    taken = [work.backend for work in settings.work]
-    assert taken[0] == "multifrontal" and "multifrontal" not in taken[1:]
+    taken = [work.backend == "multifrontal" for work in settings.work]
+    assert taken == [True, False, True]
 
 
 @pytest.mark.pardiso
@@ -91,3 +95,38 @@ def test_modes_and_static_shapes_are_those_of_superlu(precision):
     (omega_0, x_0), (omega_1, x_1) = found
     np.testing.assert_allclose(omega_1, omega_0, rtol=1e-9)
     np.testing.assert_allclose(x_1, x_0, rtol=0, atol=1e-9 * abs(x_0).max())
+
+
+@pytest.mark.parametrize("body", [BRICKS, TOWER], ids=lambda body: body.name)
+def test_counts_without_a_stored_factor_are_the_dense_counts(monkeypatch, body):
+    monkeypatch.setattr(module, "LARGE", 1)
+    lam = SPECTRA[body.name]
+    between = np.sqrt(lam[:-1] * lam[1:])[:: max(lam.size // 25, 1)]
+    with solver_settings(SolverSettings(threads=2)) as settings:
+        found = [sturm_count(body.K, body.M, np.sqrt(sigma)) for sigma in between]
+    np.testing.assert_array_equal(found, np.searchsorted(lam, between))
+    assert {(work.backend, work.file_mib) for work in settings.work} <= {("multifrontal", 0.0), ("pardiso", 0.0)}
+    # High in the spectrum, growth may ask for other pivots.
+    assert [work.backend for work in settings.work[:5]] == ["multifrontal"] * 5
+
+
+def test_a_count_needs_less_memory_than_a_factor(monkeypatch):
+    monkeypatch.setattr(module, "LARGE", 1)
+    with solver_settings(SolverSettings("multifrontal", threads=1)) as settings:
+        factorise(CUBE.K)
+        factorise(CUBE.K, definite=False, solves=False)
+    stored, counted = (work.mib for work in settings.work)
+    assert counted < 0.7 * stored
+    with solver_settings(SolverSettings(threads=1, memory=(counted + stored) / 2 * 2**20)) as settings:
+        assert factorise(CUBE.K, definite=False, solves=False).negative_pivots == 0
+    assert [(work.backend, work.precision) for work in settings.work] == [("multifrontal", "double")]
+
+
+def test_a_matrix_that_needs_other_pivots_goes_to_another_solver(monkeypatch):
+    monkeypatch.setattr(module, "LARGE", 1)
+    monkeypatch.setattr(package, "_GROWTH", 1.0)
+    A = sp.csc_array(BRICKS.K - SPECTRA[BRICKS.name][40] * 1.001 * BRICKS.M)
+    for solves in (True, False):
+        with solver_settings(SolverSettings(threads=1)) as settings:
+            assert factorise(A, definite=False, solves=solves).negative_pivots == 41
+        assert settings.work[0].backend in ("pardiso", "superlu")
