@@ -5,6 +5,8 @@
 included, without any proof but the count of the modes. Seconds are those of the clock and of the processors: the latter
 hardly depend on what else the machine does. The peak of memory is that of the process up to the end of the run: name
 sizes in ascending order.
+
+``--one DOFS`` runs one bar alone, held at its root, with its factor in double precision in a file: stages, memory, disk.
 """
 
 from __future__ import annotations
@@ -32,6 +34,8 @@ from cmsreduce.reduce import CraigBampton  # noqa: E402
 
 BAND_HZ, CUTOFF_BANDS = 700.0, 2.0
 SIDES = (3.0, 0.17, 0.18)
+# GiB for each dof: less than the factor of a bar of 1e6 dofs takes, and more than the updates beside it.
+ONE_LIMIT = 4e-6
 COMPONENT = """\
   {name}:
     stiffness: {name}.K.npz
@@ -53,6 +57,17 @@ scene:
   actuators: {{motor: {{joint: hinge, dof: rz}}}}
   sensors: {{tip: {{at: outer.tip, measure: [x, y, z]}}}}
 reduce: {{cutoff: {cutoff}}}
+verify: {{frf: {{points: 400}}, limits: {{frf_error: 10 %}}}}
+write: {{formats: [hdf5, exudyn]}}
+"""
+ONE = """\
+scene:
+  band: {band} Hz
+  ground: inner.root
+  actuators: {{push: {{at: inner.tip, force: [0, 0, 1]}}}}
+  sensors: {{tip: {{at: inner.tip, measure: z}}}}
+reduce: {{cutoff: {cutoff}}}
+solver: {{memory: {memory} GiB, precision: double}}
 verify: {{frf: {{points: 400}}, limits: {{frf_error: 10 %}}}}
 write: {{formats: [hdf5, exudyn]}}
 """
@@ -86,13 +101,15 @@ def write_bar(folder: Path, name: str, cells: tuple[int, int, int], start: float
     return COMPONENT.format(name=name, root=ends[0], tip=ends[1])
 
 
-def write_scene(folder: Path, cells: tuple[int, int, int]) -> Path:
-    """Files and pipeline of two bars, of which the outer one is a little shorter in cells."""
-    parts = [
-        write_bar(folder, "inner", cells, 0.0),
-        write_bar(folder, "outer", (cells[0] - 1, *cells[1:]), SIDES[0]),
-    ]
-    scene = SCENE.format(band=BAND_HZ, cutoff=CUTOFF_BANDS)
+def write_scene(folder: Path, cells: tuple[int, int, int], memory: float | None = None) -> Path:
+    """Files and pipeline of two bars, of which the outer one is a little shorter in cells.
+
+    With a limit of memory in GiB, those of the inner bar alone.
+    """
+    parts = [write_bar(folder, "inner", cells, 0.0)]
+    if memory is None:
+        parts.append(write_bar(folder, "outer", (cells[0] - 1, *cells[1:]), SIDES[0]))
+    scene = (SCENE if memory is None else ONE).format(band=BAND_HZ, cutoff=CUTOFF_BANDS, memory=memory)
     path = folder / "bars.yaml"
     path.write_text("name: bars\ncomponents:\n" + "".join(parts) + scene)
     return path
@@ -135,8 +152,31 @@ def measured(dofs: float) -> str:
     )
 
 
+def one(dofs: float) -> None:
+    """Run one bar with its factor in a file; print what it took."""
+    cells = cells_for(dofs)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+            path = pool.submit(write_scene, folder, cells, ONE_LIMIT * dofs).result()
+        started, busy = time.perf_counter(), time.process_time()
+        finished = cms.run(path, out=folder / "out")
+        seconds, processors = time.perf_counter() - started, time.process_time() - busy
+    summary = finished.summary
+    print(f"{3 * np.prod(np.add(cells, 1)):,} dofs, {'passed' if finished.passed else finished.verdict}")
+    print(f"run {seconds:.0f} s, of processors {processors:.0f} s")
+    print("stages", {each: round(took) for each, took in summary["components"]["inner"]["seconds"].items()})
+    print("solver", summary["components"]["inner"]["solver"])
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    print(f"peak {peak:.2f} GiB, pages of files included; frf_error {summary['worst']['frf_error']:.2e}")
+
+
 def main() -> None:
     """Print the table."""
+    if sys.argv[1:2] == ["--one"]:
+        measured(3e3)
+        one(float(sys.argv[2]))
+        return
     sizes = [float(each) for each in sys.argv[1:]] or [1e4, 1e5]
     columns = ["dofs of a body", "run, s (of processors)", "read, prove, factorise", "reduce"]
     columns += ["reference, responses, files", "reductions alone", "run / reductions", "peak memory, GiB", "frf_error"]

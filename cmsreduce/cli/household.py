@@ -58,7 +58,7 @@ def cache_clear(run_dir: Path) -> None:
 def doctor(compiling: bool, output: Output) -> None:
     """Show what a run finds here: versions, sparse solvers, threads, memory, disk, compiled loops.
 
-    The loops are compiled once on a machine, in about twenty seconds: by `--compile`, or by the first body of 50 000
+    The loops are compiled once on a machine, in about half a minute: by `--compile`, or by the first body of 50 000
     dofs.
     """
     from cmsreduce.pipeline import environment

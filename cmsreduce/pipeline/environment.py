@@ -110,7 +110,7 @@ def _solvers() -> Iterator[EnvironmentLine]:
 
     folder = compiled_folder()
     compiled = sum(1 for _ in folder.rglob("*.nbi"))
-    advice = "" if compiled else "`cmsreduce doctor --compile` makes them, or the first large body, in twenty seconds"
+    advice = "" if compiled else "`cmsreduce doctor --compile` makes them, or the first large body, in half a minute"
     yield EnvironmentLine("compiled loops", str(folder), f"{compiled} in {folder}", advice)
 
 
