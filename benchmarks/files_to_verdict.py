@@ -6,7 +6,7 @@ included, without any proof but the count of the modes. Seconds are those of the
 hardly depend on what else the machine does. The peak of memory is that of the process up to the end of the run: name
 sizes in ascending order.
 
-``--one DOFS`` runs one bar alone, held at its root, with its factor in double precision in a file: stages, memory, disk.
+``--one DOFS`` runs one bar alone, held at its root, its factor in double precision in a file: stages, memory, disk.
 """
 
 from __future__ import annotations

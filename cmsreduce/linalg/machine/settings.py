@@ -105,6 +105,15 @@ class KnownFactors:
                 gone = self._factors.pop(next(iter(self._factors)))[0]
                 self._factors = {key: kept for key, kept in self._factors.items() if kept[2] is not gone}
 
+    def drop(self, unwanted: Callable[[Any], bool]) -> None:
+        """Drop some factors, and those that hold them."""
+        gone = [factor for factor, *_ in self._factors.values() if unwanted(factor)]
+        self._factors = {
+            key: (factor, size, inner)
+            for key, (factor, size, inner) in self._factors.items()
+            if not any(factor is each or inner is each for each in gone)
+        }
+
     def __contains__(self, factor: Any) -> bool:
         return any(kept is factor for kept, *_ in self._factors.values())
 

@@ -90,7 +90,8 @@ def factorise(
     what : str
         Name of the matrix in error messages.
     kept : bool
-        Whether a later step asks for this factor again: a large one is kept if it takes a small share of the memory.
+        Whether a later step asks for this factor again: a large one is kept if it takes a small share of the memory, or
+        lies in a file.
     solves : bool
         False if only the number of negative pivots of a matrix that need not be definite is asked for: a large factor
         then takes little memory.
@@ -113,7 +114,7 @@ def factorise(
     kept = kept and definite and A.shape[0] >= LARGE
     if kept and (known := settings.factors.find(entries)) is not None:
         return cast(Factor, known)
-    backend = _backend(settings.backend, A.shape[0], definite)
+    backend = _backend(settings.backend, A.shape[0])
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     factor, refused, precision = None, None, ""
     for precision_tried, kind in _kinds(backend, settings, definite, solves):
@@ -169,7 +170,8 @@ def factorise(
                 f"{what} is not positive definite: pivot ratio {ratio:.1e} at row {row + 1}", row
             )
     if kept:
-        settings.factors.store(entries, factor, cost.bytes + cost.file, settings.memory_limit)
+        # The pages of a file take no memory; the next file takes its place.
+        settings.factors.store(entries, factor, 0.0 if cost.file else cost.bytes, settings.memory_limit)
     return factor
 
 
@@ -190,7 +192,7 @@ def installed(backend: Backend) -> bool:
     return backend != "mumps" or not mumps_lacks()
 
 
-def _backend(wanted: Backend, n: int, definite: bool) -> Backend:
+def _backend(wanted: Backend, n: int) -> Backend:
     """The solver of the settings, or for ``auto`` the quickest for n rows."""
     if wanted == "auto":
         if n >= LARGE and installed("multifrontal"):
@@ -239,6 +241,7 @@ def _kinds(backend: Backend, settings: SolverSettings, definite: bool, solves: b
     named = settings.backend not in ("auto", "multifrontal")
     # The question whether it is installed loads numba.
     if settings.scratch is not None and not named and installed("multifrontal"):
+        settings.factors.drop(lambda factor: isinstance(factor, Factor) and factor.cost.file > 0)
         yield from _on_disk(settings.scratch, settings.precision)
 
 

@@ -14,7 +14,13 @@ import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen import certified_modes, count_below
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
-from cmsreduce.linalg.sparse import InsufficientMemoryError, NotPositiveDefiniteError, RefinedFactor, factorise
+from cmsreduce.linalg.sparse import (
+    InsufficientMemoryError,
+    NotPositiveDefiniteError,
+    RefinedFactor,
+    factorisation,
+    factorise,
+)
 from tests.solids import block
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -62,6 +68,19 @@ def test_a_shifted_factor_lies_in_a_file_too(tmp_path):
     np.testing.assert_allclose(found, x, rtol=0, atol=1e-9 * abs(x).max())
     counted, stored = given.work
     assert (counted.file_mib, stored.backend) == (0.0, "multifrontal") and stored.file_mib > 0
+
+
+def test_one_factor_in_a_file_is_kept_for_later_steps(tmp_path, monkeypatch):
+    monkeypatch.setattr(factorisation, "LARGE", 1)
+    other = sp.csc_array(BEAM.K * 2)
+    with solver_settings(little(tmp_path, "double")) as settings:
+        factor = factorise(BEAM.K, kept=True)
+        assert factorise(BEAM.K.copy(), kept=True) is factor and len(settings.work) == 1
+        second = factorise(other, kept=True)
+        assert factor not in settings.factors and second in settings.factors
+        # A factor that nobody keeps takes a file, too.
+        factorise(sp.csc_array(BEAM.K * 3))
+        assert second not in settings.factors
 
 
 def test_a_factor_in_memory_is_preferred(tmp_path):
