@@ -1,48 +1,23 @@
-"""Stages of the bodies of a run, one by one: read, reduced, orthogonalised, and unreduced for the reference."""
+"""Stages of the bodies of a run, one by one: reduced, orthogonalised, and unreduced for the reference."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from cmsreduce.assemble import rigid_substructure
-from cmsreduce.config import ModeSetKeys, Pipeline, build_scene
-from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.machine import SolverSettings
-from cmsreduce.model import (
-    Configuration,
-    CutoffChoice,
-    FEModel,
-    ModalComponent,
-    ReducedComponent,
-    RigidBody,
-    Scene,
-    Substructure,
-)
+from cmsreduce.config import ModeSetKeys
+from cmsreduce.model import CutoffChoice, ModalComponent, ReducedComponent, Substructure
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.pipeline.bodies import (
-    WRITTEN_LIMIT,
-    FlexibleBody,
-    ProvenBody,
-    Reference,
-    all_modes_fit,
-    copy_of,
-    damping_remark,
-    in_free_modes,
-    in_scene,
-    needs_files,
-    proven_body,
-    read_rigid,
-    reference,
-)
+from cmsreduce.pipeline.bodies import Reference, all_modes_fit, damping_remark, in_free_modes, reference
 from cmsreduce.pipeline.choose import CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import SceneBasis, SceneShapes
-from cmsreduce.pipeline.run.keys import body_key, proof_key, read_key, reference_key
-from cmsreduce.pipeline.store import CommonWork, Failures, Progress, Stages, collecting, once, report_failures, stage
+from cmsreduce.pipeline.run.keys import reference_key
+from cmsreduce.pipeline.run.reading import HELD, ReadStages
+from cmsreduce.pipeline.store import once, stage
 from cmsreduce.pipeline.system import AssembledModel, ReducedModel
 from cmsreduce.reduce import Examined
 
@@ -50,26 +25,6 @@ __all__ = ["BodyStages"]
 
 # Name of the search for the cutoffs in the cache of stages; no component's name holds a dot.
 _CUTOFFS = "auto.cutoff"
-# Sets of bodies as read and of references that points of a sweep hold together: those before and after a change.
-_BODIES = 16
-
-
-class _Given(Mapping[str, Mapping[str, object]]):
-    """Bodies and configurations of a run, collected when a stored result refers to one."""
-
-    def __init__(self, run: BodyStages) -> None:
-        self._run = run
-
-    def __getitem__(self, kind: str) -> Mapping[str, object]:
-        if kind == FEModel.__name__:
-            return {name: flexible.body for name, flexible in self._run.bodies.items()}
-        return {each.name: each for each in self._run.scene.configurations}
-
-    def __iter__(self) -> Iterator[str]:
-        return iter((FEModel.__name__, Configuration.__name__))
-
-    def __len__(self) -> int:
-        return 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,143 +36,14 @@ class _Reduced:
     remark: str = ""
 
 
-class BodyStages:
+class BodyStages(ReadStages):
     """Stages of a run that treat one body at a time, and the joining of what they find.
 
-    Parameters
-    ----------
-    pipeline : Pipeline
-        The pipeline file, validated.
-    folder : Path
-        Run directory.
-    progress : Progress
-        Listener.
-    only : str, optional
-        The one stage to run; those before it must be finished.
-    common : CommonWork, optional
-        Work shared with other runs of this process, such as other points of a sweep.
+    Takes what :class:`ReadStages` takes.
     """
 
-    def __init__(
-        self,
-        pipeline: Pipeline,
-        folder: Path,
-        progress: Progress,
-        only: str | None = None,
-        common: CommonWork | None = None,
-    ) -> None:
-        self.pipeline, self.folder = pipeline, folder
-        self.stages = Stages(folder, progress, only, SolverSettings(**pipeline.solver.model_dump()), common)
-        self.scene: Scene = build_scene(pipeline)
-        self.rigid_bodies: dict[str, RigidBody] = {
-            name: read_rigid(pipeline, name, self.scene)
-            for name, part in pipeline.components.items()
-            if part.rigid is not None
-        }
-        self.makes_reference = False
-        """True where the unreduced bodies are needed in any case, so that their free modes may come first."""
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.pipeline.name} in {self.folder}>"
-
-    @property
-    def flexible_names(self) -> list[str]:
-        """Flexible bodies."""
-        return [name for name, part in self.pipeline.components.items() if part.rigid is None]
-
-    @property
-    def reduced_names(self) -> list[str]:
-        """Flexible bodies that are reduced; the others enter the system as they were read."""
-        return [name for name in self.flexible_names if self.pipeline.reduce_of(name) is not None]
-
-    @stage(
-        "read",
-        key=lambda run, name: run.proof_key(name),
-        stored=lambda run, name: not needs_files(run.pipeline, name),
-        again=lambda found: found.outdated,
-        needed=True,
-    )
-    def _proven(self, name: str) -> ProvenBody:
-        with collecting(Failures(log=self.stages.failures.log)) as failed:
-            found = proven_body(self.pipeline, name, self.scene)
-        return replace(found, failures=tuple(failed))
-
-    @stage(
-        "",
-        key=lambda run, name: read_key(run.pipeline, name),
-        notes=lambda run, found, name: found.notes,
-        stored="never",
-        common=_BODIES,
-    )
-    def flexible(self, name: str) -> FlexibleBody:
-        """Read one flexible body and check it; a copy of an earlier one takes what was read and proven there."""
-        original = next(each for each in self.flexible_names if self.body_key(each) == self.body_key(name))
-        if original != name:
-            return copy_of(self.flexible(original), self.pipeline, name, self.scene)
-        proven = self._proven(name)
-        report_failures(proven.failures)
-        return in_scene(proven, self.pipeline, name, self.scene)
-
-    @once
-    def proof_key(self, name: str) -> str:
-        """Hash of all that a body as read and proven depends on."""
-        return proof_key(self.pipeline, name)
-
-    @once
-    def body_key(self, name: str) -> str:
-        """Hash of the keys that say which body a component is."""
-        return body_key(self.pipeline, name)
-
-    @property
-    @once
-    def bodies(self) -> dict[str, FlexibleBody]:
-        """Flexible bodies, read and checked; joints, actuators and sensors are wired to them as a check."""
-        for name in self._at_hand():
-            self.flexible(name)
-        found = {}
-        for name in self.flexible_names:
-            found[name] = self.flexible(name)
-            self._refuse_unwritable(found[name].body)
-            # Checked before anything is reduced, so that a faulty body shows in the results.
-            _ = found[name].health
-        model = self._in_dofs(found)
-        for configuration in self.scene.configurations:
-            for note in model.wiring(configuration).notes:
-                self.stages.note(note)
-        return found
-
-    def _at_hand(self) -> Iterator[str]:
-        """Names of the bodies; those that another process is at work on come last."""
-        waiting = self.flexible_names
-        while waiting:
-            claimed = (self.stages.store.is_claimed("read", name, self.proof_key(name)) for name in waiting)
-            yield waiting.pop(next((k for k, busy in enumerate(claimed) if not busy), 0))
-
-    def _in_dofs(self, bodies: Mapping[str, FlexibleBody]) -> AssembledModel:
-        bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in bodies.items()}
-        rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
-        return AssembledModel({name: (bare | rigid)[name] for name in self.pipeline.components}, self.scene)
-
-    @property
-    @once
-    def in_dofs(self) -> AssembledModel:
-        """The unreduced bodies in their dofs, joined, without their damping."""
-        return self._in_dofs(self.bodies)
-
-    def _refuse_unwritable(self, body: FEModel) -> None:
-        """Refuse files of an unreduced body that is too large for all its modes, before anything is computed."""
-        if self.pipeline.write is None or self.pipeline.reduce_of(body.name) or body.n <= WRITTEN_LIMIT:
-            return
-        raise ConfigError(
-            f"component '{body.name}': `write.formats` asks for its files, but it has no `reduce:`, and its {body.n} "
-            f"dofs are too many to write it in all its modes (at most {WRITTEN_LIMIT}). Give it "
-            f"`components.{body.name}.reduce`, or take `write:` out"
-        )
-
-    @property
-    def given(self) -> Mapping[str, Mapping[str, object]]:
-        """Bodies and configurations, which stored results refer to by name."""
-        return _Given(self)
+    makes_reference = False
+    """True where the unreduced bodies are needed in any case, so that their free modes may come first."""
 
     @property
     @once
@@ -405,7 +231,7 @@ class BodyStages:
         what=lambda run, name: next(n for n in run.bodies if run._reference_key(n) == run._reference_key(name)),
         key=lambda run, name: run._reference_key(name),
         stored="in common",
-        common=_BODIES,
+        common=HELD,
     )
     def _reference(self, name: str) -> Reference:
         flexible = self.bodies[name]

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import asdict, replace
 from functools import wraps
 from pathlib import Path
-from typing import Any, Concatenate, Literal, NamedTuple, ParamSpec, Protocol, TypeVar, cast
+from typing import Any, Concatenate, Literal, NamedTuple, ParamSpec, TypeVar, cast
 
 import numpy as np
 
@@ -17,10 +17,11 @@ from cmsreduce.errors import MatrixError, StageError, WriteError
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import Factorisation, mapped_in
 from cmsreduce.pipeline.store.diagnostics import Failures, diagnostic
+from cmsreduce.pipeline.store.progress import Progress
 from cmsreduce.pipeline.store.stage_data import Arrays, Given, decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, StageStore
 
-__all__ = ["FAILURES_LOG", "REPORT", "CommonWork", "Progress", "Silent", "Stages", "once", "stage"]
+__all__ = ["FAILURES_LOG", "REPORT", "CommonWork", "Stages", "once", "stage"]
 
 REPORT = "report"
 """Not a stage: where it is the only one allowed, nothing is computed."""
@@ -33,38 +34,6 @@ T = TypeVar("T")
 
 _MISSING = object()
 _KIB = 1024
-
-
-class Progress(Protocol):
-    """Listener of a run, such as the progress bar of the command line."""
-
-    def stage(self, stage: str, what: str) -> None:
-        """Begin a piece of work, such as ``reduce rotor``."""
-
-    def reused(self, stage: str, what: str) -> None:
-        """Report that a finished stage was found and is not run again."""
-
-    def advance(self, done: int, total: int) -> None:
-        """Report the progress of the current piece of work."""
-
-    def note(self, text: str) -> None:
-        """Report something the reader must know."""
-
-
-class Silent:
-    """A listener that prints nothing."""
-
-    def stage(self, stage: str, what: str) -> None:
-        """Ignore."""
-
-    def reused(self, stage: str, what: str) -> None:
-        """Ignore."""
-
-    def advance(self, done: int, total: int) -> None:
-        """Ignore."""
-
-    def note(self, text: str) -> None:
-        """Ignore."""
 
 
 class CommonWork:
