@@ -3,8 +3,9 @@
 Methods x angles x cutoffs x orders of the Galileo sample; an order is the least share of the largest coefficient that
 is kept. Each way starts in a new process from an empty folder, with as many threads of algebra as its cores give it,
 and every point writes its component files in all of them. Separate runs are timed on a sample of points, evenly spread,
-and scaled up; ``--separate 200`` times them all. ``--efficiency`` prints the table of processes alone: measured for 1
-and 2, and beyond by Amdahl's law with the serial part and the start that these measure.
+and scaled up; ``--separate 200`` times them all. ``--efficiency`` prints the table of processes alone: measured for 1,
+2, 4, ... processes up to the cores of the machine, and beyond by Amdahl's law with the serial part and the start that 1
+and 2 measure.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ OVER = {
     "reduce.cutoff": ("2", "3", "4", "5", "6"),
     "balance.keep.fraction": ("0.1", "0.01", "1e-3", "1e-4", "1e-5"),
 }
+# Processes of a cluster whose times the model gives.
+MODELLED = (8, 64, 256)
 # Below this load on average another program is hardly felt.
 _QUIET = 0.3
 
@@ -71,23 +74,28 @@ def swept(
 def efficiency(folder: Path, most: int | None) -> None:
     """Table of processes: seconds and efficiency, of processes of this machine and of a Dask cluster."""
     file = folder / "cluster.yaml"
-    file.write_text("kind: local\nworkers: 2\nthreads: 1\n")
+    numbers = [n for n in (2, 4, 8, 16, 32, 64, 128, 256) if n <= (os.cpu_count() or 1)]
     one = swept(folder / "one", 1, 1, most=most)[0]
     print("| processes | --jobs, s | efficiency | Dask, s | efficiency |\n|---|---|---|---|---|")
     print(f"| 1 | {one:.1f} | | | |")
     columns = []
     for kind, cluster in (("jobs", None), ("dask", file)):
-        two = swept(folder / kind, 2, cluster=cluster, most=most)[0]
+        measured = []
+        for n in numbers:
+            file.write_text(f"kind: local\nworkers: {n}\nthreads: 1\n")
+            measured.append(swept(folder / f"{kind}-{n}", n, n, cluster, most)[0])
         # What one point takes beyond the same without processes is their start.
+        file.write_text("kind: local\nworkers: 2\nthreads: 1\n")
         points = [swept(folder / f"{kind}{n}", n, n, where, most=1)[0] for n, where in ((1, None), (2, cluster))]
         start = max(points[1] - points[0], 0.0)
         # One process takes the serial part and the shared one; two take their start, the serial part, and half of it.
-        shared = min(2 * (one - two + start), one)
-        columns.append([two, *(start + one - shared + shared / n for n in (8, 64, 256))])
+        shared = min(2 * (one - measured[0] + start), one)
+        columns.append([*measured, *(start + one - shared + shared / n for n in MODELLED if n not in numbers)])
         print(f"{kind}: start {start:.1f} s, serial {one - shared:.1f} s", file=sys.stderr)
-    for n, *times in zip((2, 8, 64, 256), *columns, strict=True):
+    rows = [*numbers, *(n for n in MODELLED if n not in numbers)]
+    for n, *times in zip(rows, *columns, strict=True):
         cells = " | ".join(f"{time:.1f} | {100 * one / (n * time):.0f} %" for time in times)
-        print(f"| {n}{'' if n == 2 else ', by the model'} | {cells} |")
+        print(f"| {n}{'' if n in numbers else ', by the model'} | {cells} |")
 
 
 def alone(folder: Path, values: tuple[str, ...], number: int) -> NDArray[np.float64]:
