@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from cmsreduce.model import DampedPairs
 
@@ -119,12 +117,11 @@ def closest_pairs(distance: Array) -> tuple[Indices, Indices]:
         Members of the first list, ascending, and their partners in the second. Of pairings with equal sums, the one
         that follows the order of both lists is chosen: ascending with ascending.
     """
-    if not distance.size:
-        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    # Imported here because it takes 60 ms, and few runs need it.
+    from scipy.optimize import linear_sum_assignment
+
     apart = np.subtract.outer(np.arange(distance.shape[0]), np.arange(distance.shape[1])) ** 2
-    # The one, which every pairing has as often, stores a distance of zero as an edge.
-    edges = 1 + distance / (distance.max() or 1.0) + _TIE * apart
-    i, j = min_weight_full_bipartite_matching(sp.csr_array(edges))
+    i, j = linear_sum_assignment(distance + _TIE * (distance.max(initial=0.0) or 1.0) * apart)
     return np.asarray(i, dtype=np.int64), np.asarray(j, dtype=np.int64)
 
 
