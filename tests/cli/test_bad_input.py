@@ -314,5 +314,6 @@ def test_bad_input_is_refused(case: Case, study: Path) -> None:
     assert user_files(study.parent) == before
     stages = [path.name for path in (study.parent / "out" / "stages").rglob("*") if path.is_file()]
     if case.stages == "none":
-        assert not stages
+        # A body that was proven before the fault was met is not proven again.
+        assert not [name for name in stages if not name.endswith(".read.h5")]
     assert not [name for name in stages if name.endswith(".tmp")]

@@ -81,8 +81,8 @@ def test_what_points_share_is_there_once(swept: tuple[SweepResult, Path]) -> Non
     # Two methods at two cutoffs; whatever is kept of them, and however many points, the bodies are these.
     for body in ("arm", "panel"):
         assert shared.count(("reduce", body)) == shared.count(("orthogonalise", body)) == 4
-        assert shared.count(("reference", body)) == 1
-    assert len(shared) == 2 * (4 + 4 + 1)
+        assert shared.count(("reference", body)) == shared.count(("read", body)) == 1
+    assert len(shared) == 2 * (4 + 4 + 1 + 1)
     assert sum(entry.stage == "verify" for entry in entries) == 8
 
 
@@ -178,7 +178,7 @@ def test_a_damaged_shared_stage_is_made_again(good_study: Path, tmp_path: Path) 
 def test_clearing_leaves_results(good_study: Path, tmp_path: Path) -> None:
     sweep(good_study / "study.yaml", sweep_axes(["reduce.cutoff=10"]), (), tmp_path)
     entries = cache_entries(tmp_path)
-    assert {entry.stage for entry in entries} == {"reduce", "orthogonalise", "reference", "balance", "verify"}
+    assert {entry.stage for entry in entries} == {"read", "reduce", "orthogonalise", "reference", "balance", "verify"}
     assert all(len(entry.key) == 12 for entry in entries)
     cleared = clear_cache(tmp_path)
     assert cleared[:2] == (len(entries), sum(entry.size for entry in entries))

@@ -159,7 +159,7 @@ def test_the_files_of_a_body_that_is_not_reduced_hold_all_its_modes(
 def test_files_of_a_large_body_that_is_not_reduced_are_refused(
     opened: Callable[..., Run], study: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cmsreduce.pipeline.run.bodies.WRITTEN_LIMIT", 29)
+    monkeypatch.setattr("cmsreduce.pipeline.run.reading.WRITTEN_LIMIT", 29)
     run = opened("reduce=null", "balance=null", "components.panel.reduce={cutoff: 15}")
     with pytest.raises(ConfigError, match=r"'arm': `write.formats` asks for its files.*30 dofs.*components.arm.reduce"):
         execute(run, study)
