@@ -38,7 +38,7 @@ OK, LIMIT_BROKEN, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 70, 130
 # Words of libraries that run out of memory and raise another error than MemoryError.
 _NO_MEMORY = ("cannot allocate memory", "can't start new thread", "unable to allocate", "failed to map segment")
 # Bytes of address space that Python and its numerical libraries take with one thread.
-_LEAST = 384 * 2**20
+_LEAST = 416 * 2**20
 # Longest chain of causes that is searched.
 _CHAIN = 20
 _LIBRARIES = ("cmsreduce", "numpy", "scipy", "h5py", "click", "pydantic", "ruamel.yaml", "rich", "plotly", "meshio")

@@ -62,9 +62,9 @@ def test_the_cache_is_listed_and_cleared(study: Path) -> None:
     assert call("run", study, "--quiet").exit_code == 0
     listed = call("cache", "ls", out)
     lines = listed.stdout.splitlines()
-    assert listed.exit_code == 0 and lines[-1].startswith("6 finished stages")
+    assert listed.exit_code == 0 and lines[-1].startswith("8 finished stages")
     assert {tuple(line.split()[:2]) for line in lines[:-1]} >= {("reduce", "arm"), ("verify", "system")}
-    assert call("cache", "clear", out).stdout.startswith("removed 6 files")
+    assert call("cache", "clear", out).stdout.startswith("removed 8 files")
     assert call("cache", "ls", out).stdout.startswith("0 finished stages")
     assert (out / "summary.json").is_file()
     wrong = call("cache", "ls", study.parent / "nowhere")

@@ -45,12 +45,13 @@ class Trials:
 
 
 def coupled(components: Components) -> Components:
-    """The arm with damping that couples its modes."""
+    """The arm with damping that couples its modes: a share of each, and dashpots between its dofs and the ground."""
     arm = components["arm"]
     e = arm.elastic
+    omega, dashpots = arm.omega[e], np.random.default_rng(2).standard_normal((4, arm.Phi.shape[0])) @ arm.Phi[:, e]
     D = np.zeros((arm.omega.size, arm.omega.size))
-    mixed = np.sqrt(np.outer(arm.omega[e], arm.omega[e]))
-    D[e, e] = 0.02 * mixed * (0.7 * np.eye(mixed.shape[0]) + 0.3)
+    coupling = dashpots.T @ dashpots
+    D[e, e] = np.diag(0.014 * omega) + 0.003 * omega.sum() / np.trace(coupling) * coupling
     return {**components, "arm": replace(arm, D=D)}
 
 
