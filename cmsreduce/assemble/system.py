@@ -29,6 +29,8 @@ _STRAY = 1e-6
 # Nodes without rotations that are joined over a gap resist rigid motion by the gap over their distance from the centre
 # of mass. This distance is at least the size of the system divided by this number.
 _OVER_GAP = 100.0
+# A rigid motion with less than this share of the weights of its body in the joints is not made larger.
+_LEAST_WEIGHT = 1e-4
 # A free motion with less than this share of the largest modal mass carries none: inertia and mass differ by units.
 _NO_MASS = 1e-20
 
@@ -304,5 +306,8 @@ def balanced_rigid(A: Matrix | sp.csr_array, motions: Sequence[Array]) -> Array:
 def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], gap: float) -> Array:
     """Rigid motions that the joints allow, in which no body is strained (sum m_i, R)."""
     rigid = balanced_rigid(A, [sub.rigid for sub in substructures.values()])
+    # Turns and translations of a body have weights of one size, too, or the constraints of the lighter ones lose digits.
+    size = dense(abs(A) @ abs(rigid)).max(axis=0, initial=0.0)
+    rigid = rigid / np.where(size > _LEAST_WEIGHT, size, 1.0)
     N, _ = null_space(dense(A @ rigid), _OVER_GAP * gap)
     return np.asarray(rigid @ N)
