@@ -29,9 +29,9 @@ ROOTS = np.array([1.8751040687, 4.6940911330, 7.8547574382])
 LENGTH = 2.0
 
 
-def cantilever():
+def cantilever(elements=40):
     """Along x from the origin, bending in the y plane much softer than in the other."""
-    body = line("beam", [0, 0, 0], [LENGTH, 0, 0], 40, section=Section(Iy=1e-6, Iz=1e-9))
+    body = line("beam", [0, 0, 0], [LENGTH, 0, 0], elements, section=Section(Iy=1e-6, Iz=1e-9))
     return body, body.interface_rows("a")
 
 
@@ -57,13 +57,13 @@ def test_a_uniform_cantilever_has_the_momentum_of_its_roots():
 
 
 def test_modes_of_a_reduced_body_held_at_its_interface_are_those_of_its_matrices():
-    body, held = cantilever()
+    body, held = cantilever(20)
     omega, Phi = clamped_modes(body, held)
     component = orthogonalise(CraigBampton(cutoff_hz=omega[-1]).reduce(body))
     found = held_modes(component, held)
     assert found is not None
-    # The rounding of the highest eigenvalue, 5e9 times the lowest.
-    np.testing.assert_allclose(2 * np.pi * found[0][:10], omega[:10], rtol=1e-5)
+    # The rounding of the highest eigenvalue, 5e10 times the lowest.
+    np.testing.assert_allclose(2 * np.pi * found[0][:10], omega[:10], rtol=5e-6)
     shapes = component.Phi @ found[1][:, :10]
     np.testing.assert_allclose(abs(Phi[:, :10].T @ body.M @ shapes), np.eye(10), atol=1e-5)
     assert held_modes(component, np.arange(body.n)) is None
