@@ -306,7 +306,7 @@ def balanced_rigid(A: Matrix | sp.csr_array, motions: Sequence[Array]) -> Array:
 def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], gap: float) -> Array:
     """Rigid motions that the joints allow, in which no body is strained (sum m_i, R)."""
     rigid = balanced_rigid(A, [sub.rigid for sub in substructures.values()])
-    # Turns and translations of a body have weights of one size, too, or the constraints of the lighter ones lose digits.
+    # Turns and translations of a body have weights of one size, or the constraints of the lighter ones lose digits.
     size = dense(abs(A) @ abs(rigid)).max(axis=0, initial=0.0)
     rigid = rigid / np.where(size > _LEAST_WEIGHT, size, 1.0)
     N, _ = null_space(dense(A @ rigid), _OVER_GAP * gap)
