@@ -151,7 +151,7 @@ class TestInABrowser:
 
     def test_the_first_page_has_picture_command_and_roads(self, browser: Any) -> None:
         with opened(browser, BUILT) as found:
-            assert found.page.evaluate("document.querySelector('article img').naturalWidth") > 1000
+            assert found.page.evaluate("document.querySelector('article img').naturalWidth") > 600
             assert "cmsreduce run pipelines/galileo.yaml" in found.page.inner_text("article pre")
             assert len(found.page.inner_text("article").split()) < 300
             assert found.faults == []
