@@ -191,7 +191,7 @@ def clustered(seed: int, n: int = 640) -> tuple[sp.csc_array, sp.csc_array, np.n
     return K, M, np.sort(lam)
 
 
-@pytest.mark.parametrize("backend", ["superlu", "pardiso"])
+@pytest.mark.parametrize("backend", ["superlu", pytest.param("pardiso", marks=pytest.mark.pardiso)])
 @pytest.mark.parametrize("seed", range(4))
 def test_as_many_clustered_modes_as_were_counted(seed, backend):
     K, M, lam = clustered(seed)
