@@ -10,12 +10,11 @@ from cmsreduce.assemble.interface_loading import (
     joined_to,
     joint_rows,
     neighbour_loading,
-    outboard_loading,
-    outboard_masses,
 )
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.joints import available
 from cmsreduce.assemble.modes import check_closed_loop, closed_loop_modes, damped_modes, system_modes, undetermined
+from cmsreduce.assemble.outboard_mass import outboard_loading, outboard_masses
 from cmsreduce.assemble.placement import joint_axes, joint_tree, place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.ports import Ports, body_points, body_ports

@@ -77,16 +77,8 @@ from cmsreduce.model.rounding import (
     spread_noise,
 )
 from cmsreduce.model.scene import Channel, Configuration, JointTerm, Placement, PointTerm, Scene, StrutTerm
-from cmsreduce.model.system import (
-    Controller,
-    InterfaceLoading,
-    Matrix,
-    ModalChannels,
-    OutboardMass,
-    Substructure,
-    System,
-    is_gyroscopic,
-)
+from cmsreduce.model.substructure import InterfaceLoading, Matrix, OutboardMass, Substructure
+from cmsreduce.model.system import Controller, ModalChannels, System, is_gyroscopic
 from cmsreduce.model.unit_conversion import (
     damping_in_units,
     in_units,
