@@ -19,6 +19,7 @@ __all__ = [
     "convert_options",
     "figure_completion",
     "key_completion",
+    "load_ahead",
     "output_options",
     "pipeline_options",
     "run_options",
@@ -36,11 +37,28 @@ _HEADINGS = {
 # Letters of a sentence that is not cut.
 _WHOLE = 400
 _FOLDER, _AS_JSON = f"{__name__}.folder", f"{__name__}.as_json"
+# Modules that every piece of work loads, now or later.
+_LIBRARIES = ["cmsreduce.pipeline.batch", "h5py", "scipy.optimize"]
 
 
 def work_in(folder: Path) -> None:
     """Name the run directory of this command, where a crash file belongs."""
     click.get_current_context().meta[_FOLDER] = folder
+
+
+def load_ahead(jobs: int) -> None:
+    """Load the libraries once for several processes, which are copies of one that does nothing else.
+
+    It loads them while this process loads its own and reads the pipeline. Where processes cannot be copied, each loads
+    its libraries when it starts.
+    """
+    if jobs == 1:
+        return
+    from multiprocessing import forkserver, get_all_start_methods
+
+    if "forkserver" in get_all_start_methods():
+        forkserver.set_forkserver_preload(_LIBRARIES)
+        forkserver.ensure_running()
 
 
 class _Context(click.Context):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -26,6 +27,8 @@ _DEEPEST = 50
 _MOST_ENTRIES = 200_000
 # Characters: the parser reads some ten thousand a second, and a pipeline has a few thousand.
 _LONGEST_FILE, _LONGEST_SCALAR = 500_000, 2_000
+# Texts that are held with their trees: a sweep reads one pipeline with many overrides.
+_HELD = 100
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,7 @@ Adapt = Callable[[tuple[str, ...], Entry, Entry], Entry]
 """``adapt(keys, base, over)``: the base that a mapping is merged into."""
 
 
+@lru_cache(maxsize=_HELD)
 def parse(text: str, source: str, folder: Path, in_override: bool = False) -> Entry:
     """Read one YAML 1.2 document, without objects, keys given twice, or keys without a value.
 

@@ -199,12 +199,13 @@ def _side_by_side(
 
 
 def _batches(points: Sequence[SweepPoint], jobs: int) -> list[tuple[SweepPoint, ...]]:
-    """Batches of points that share one reference model, small enough that no process waits long at the end."""
+    """Batches of points that share one reference model; single points come last, so that no process waits long."""
     most = math.ceil(len(points) / (_BATCHES * jobs))
     systems: dict[str, list[SweepPoint]] = {}
     for point in points:
         systems.setdefault(point.system, []).append(point)
-    return [tuple(group[at : at + most]) for group in systems.values() for at in range(0, len(group), most)]
+    batches = [tuple(group[at : at + most]) for group in systems.values() for at in range(0, len(group), most)]
+    return [*batches[:-jobs], *((point,) for batch in batches[-jobs:] for point in batch)]
 
 
 def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork, memory: float | None) -> _Outcome:

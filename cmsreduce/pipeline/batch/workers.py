@@ -9,7 +9,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_all_start_methods, get_context, parent_process
 from threading import Lock, Thread
 from typing import Any
 
@@ -77,8 +77,9 @@ def common_work() -> CommonWork:
 
 @contextmanager
 def _started(jobs: int) -> Iterator[Executor]:
-    # Not forked: threads of libraries do not survive a fork.
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _begin_process)
+    # Not forked from this process: threads of libraries do not survive a fork. The other one has none at work.
+    method = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
+    pool = ProcessPoolExecutor(jobs, get_context(method), _begin_process)
     try:
         for _ in range(jobs):
             pool.submit(_awake)
