@@ -81,6 +81,15 @@ def test_together_as_one_by_one(rig, grids, block, monkeypatch):
         np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING * abs(expected).max(initial=0.0))
 
 
+def test_many_together_as_few(rig, monkeypatch):
+    _, stack, wirings, Y = rig
+    several = [wirings[k % 4] for k in range(10)]
+    expected = couple(Y, stack, wirings, [OMEGA] * 4)
+    monkeypatch.setattr(COUPLING, "_BLOCK_BYTES", 1)
+    for k, found in enumerate(couple(Y, stack, several, [OMEGA] * 10)):
+        np.testing.assert_allclose(found, expected[k % 4], rtol=0, atol=ROUNDING * abs(expected[k % 4]).max())
+
+
 def test_the_bodies_are_asked_once_for_a_frequency_of_several_grids(rig):
     _, stack, wirings, Y = rig
     asked = []

@@ -77,7 +77,8 @@ def couple(
     -----
     With lambda the joint forces, A Y (B u + A^T lambda) = 0. Rows of A that depend on others in the motions of the
     bodies are dropped. The receptances at a frequency of several grids are computed once, and all configurations with
-    as many joint forces are solved together. Frequencies are processed in blocks, to save memory.
+    as many joint forces are solved together. Frequencies are processed in blocks, to save memory, and so are
+    configurations whose blocks would hold few frequencies.
 
     Bodies in modes with many joint forces are represented by their modes near the band instead, see
     `residual_flexibility`.
@@ -95,11 +96,18 @@ def couple(
         except np.linalg.LinAlgError:
             # A free motion at zero frequency, or a resonance without damping: receptances name the body.
             rest.append(k)
-    if rest:
-        solved = _from_receptances(receptances, stack, [joined[k] for k in rest], [grids[k] for k in rest])
-        for k, H in zip(rest, solved, strict=True):
+    for some in _together(rest, joined, grids):
+        solved = _from_receptances(receptances, stack, [joined[k] for k in some], [grids[k] for k in some])
+        for k, H in zip(some, solved, strict=True):
             found[k] = H
     return found
+
+
+def _together(numbers: Sequence[int], joined: Sequence[JoinedRows], grids: Sequence[Array]) -> list[Sequence[int]]:
+    """Numbers of configurations in groups that fit in one block; a group has a few of them in any case."""
+    largest = max((16 * 3 * joined[k].shape[0] * joined[k].shape[1] * grids[k].size for k in numbers), default=1)
+    count = max(_OF_SEVERAL, _OF_SEVERAL * _BLOCK_BYTES // max(largest, 1))
+    return [numbers[at : at + count] for at in range(0, len(numbers), count)]
 
 
 def _from_receptances(
