@@ -209,13 +209,16 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
     place = np.full(body.n, -1)
     place[stay] = np.arange(stay.size)
     every, dofs = body.recovery, body.dofs[stay].joined(DofTable(np.repeat(point.id, 6), _SIX))
+    K = _without_noise(_congruent(body.K, T, stay, gone), body, T, gone)
+    M = _congruent(body.M, T, stay, gone)
+    D = None if body.D is None else _congruent(body.D, T, stay, gone)
     follow = np.concatenate([gone, np.arange(body.n, len(every.dofs))])
     sets = {label: place[rows] for label, rows in body.sets.items() if (place[rows] >= 0).all()}
     return replace(
         body,
-        K=_without_noise(_congruent(body.K, T), body, T),
-        M=_congruent(body.M, T),
-        D=None if body.D is None else _congruent(body.D, T),
+        K=K,
+        M=M,
+        D=D,
         dofs=dofs,
         nodes=replace(
             body.nodes,
@@ -231,22 +234,43 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
         tied=Recovery(every.dofs[follow], dofs, every.T[follow] @ T),
         untied_mass=body.untied_mass or UntiedMass(body.dofs, body.M),
         second_order=None,
+        # Symmetric to the last bit, as the matrices of the body are, which were checked.
+        _sound=tuple(A for A in (K, M, D) if A is not None),
     )
 
 
-def _congruent(A: sp.csc_array, T: sp.csr_array) -> sp.csc_array:
-    return sp.csc_array(T.T @ A @ T)
+def _congruent(A: sp.csc_array, T: sp.csr_array, stay: NDArray[np.int64], gone: NDArray[np.int64]) -> sp.csc_array:
+    """T^T A T of a symmetric matrix, symmetric to the last bit.
+
+    T is the identity on the rows that stay, so that their entries are copied, and products are those of the others.
+    """
+    m, follow = T.shape[1], T[gone]
+    kept = _grown(A[:, stay][stay], m)
+    moved = sp.csc_array(A[:, gone] @ follow)
+    beside, own = _grown(moved[stay], m), follow.T @ moved[gone]
+    changes = sp.csc_array(beside + beside.T + 0.5 * (own + own.T))
+    changes.sum_duplicates()
+    found = sp.csc_array(kept + changes)
+    found.eliminate_zeros()
+    return found
 
 
-def _without_noise(K: sp.csc_array, body: FEModel, T: sp.csr_array) -> sp.csc_array:
+def _grown(A: sp.csc_array, m: int) -> sp.csc_array:
+    """The matrix with empty rows and columns up to m of each."""
+    indptr = np.append(A.indptr, np.full(m - A.shape[1], A.indptr[-1], dtype=A.indptr.dtype))
+    return sp.csc_array((A.data, A.indices, indptr), shape=(m, m))
+
+
+def _without_noise(K: sp.csc_array, body: FEModel, T: sp.csr_array, gone: NDArray[np.int64]) -> sp.csc_array:
     """Stiffness after a tie, zero in the rows of the point if rounding of the files explains all that they hold.
 
     The boundary of a superelement resists no rigid motion, and its modes are not coupled to it by stiffness. If one
     point moves all of the boundary, only noise is left, which would hold the body or push it.
     """
     point = np.arange(K.shape[0] - 6, K.shape[0])
-    explained = body.stiffness_rounding * (abs(T.T)[point] @ abs(body.K) @ abs(T))
-    if (abs(K[point]) - explained).max() > 0:
+    # Only rows that follow the point are in its own.
+    explained = body.stiffness_rounding * (abs(T[gone][:, point]).T @ abs(body.K[:, gone]).T @ abs(T))
+    if (abs(K[:, point].T) - explained).max() > 0:
         return K
     kept = sp.diags_array((np.arange(K.shape[0]) < point[0]).astype(np.float64))
     cleaned = sp.csc_array(kept @ K @ kept)

@@ -232,7 +232,7 @@ class FEModel:
 
     def _checked(self, A: sp.csc_array, what: str) -> sp.csc_array:
         """Matrix made exactly symmetric; refused if it is not finite, not symmetric or has a negative diagonal."""
-        n, labels, where = len(self.dofs), self.dofs.labels, f"body '{self.name}': {what}"
+        n, where = len(self.dofs), f"body '{self.name}': {what}"
         A = sp.csc_array(A, dtype=np.float64)
         A.sum_duplicates()
         if A.shape != (n, n):
@@ -241,7 +241,7 @@ class FEModel:
                 "list are of one set"
             )
         if not np.isfinite(A.data).all():
-            bad = A.tocoo()
+            bad, labels = A.tocoo(), self.dofs.labels
             at = int(np.flatnonzero(~np.isfinite(bad.data))[0])
             raise MatrixError(
                 f"{where} holds {bad.data[at]} at row {bad.row[at] + 1} ({labels[bad.row[at]]}), "
@@ -257,7 +257,7 @@ class FEModel:
         skew.data = abs(skew.data)
         if (worst := float(skew.data.max(initial=0.0))) > limit:
             at = int(skew.data.argmax())
-            i, j = int(skew.row[at]), int(skew.col[at])
+            i, j, labels = int(skew.row[at]), int(skew.col[at]), self.dofs.labels
             raise MatrixError(
                 f"{where} is not symmetric: it differs from its transpose by {worst / largest:.2e} of its largest "
                 f"entry (rows {labels[i]} and {labels[j]}: {A[i, j]:.6g} against {A[j, i]:.6g}). If the file holds "
@@ -266,9 +266,10 @@ class FEModel:
         diagonal = A.diagonal()
         if diagonal.min(initial=0.0) < -limit:
             at = int(diagonal.argmin())
+            label = self.dofs.labels[at]
             raise MatrixError(
                 f"{where} is not positive semidefinite: its diagonal is {diagonal[at]:.6g} at row {at + 1} "
-                f"({labels[at]}). Check its sign and its source: a structure returns no more energy than it takes up"
+                f"({label}). Check its sign and its source: a structure returns no more energy than it takes up"
             )
         return A if exact and A.data.all() else _combined(A, mirrored, 1.0, paired) * 0.5
 

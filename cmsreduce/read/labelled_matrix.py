@@ -117,6 +117,8 @@ class LabelledMatrix:
                 f"{self.path}: matrix '{self.name}' has {len(lacking)} dofs that the dof list lacks, "
                 f"the first is {lacking[0]}; check that both are of one model"
             )
+        if np.array_equal(to, np.arange(len(dofs))):
+            return replace(self, dofs=dofs)
         entries = sp.coo_array(self.A)
         A = canonical(to[entries.row], to[entries.col], entries.data, (len(dofs), len(dofs)))
         return replace(self, A=A, dofs=dofs)

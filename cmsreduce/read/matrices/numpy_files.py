@@ -95,6 +95,13 @@ def _entries_of(path: Path, name: str, array: Any) -> sp.csc_array:
                 raise ValueError("indptr must be a non-decreasing sequence")
         except ValueError as error:
             raise ReadError(f"{path}: sparse matrix '{name}' is damaged: {error}; save it again") from error
+        if (
+            array.format == "csc"
+            and array.has_canonical_format
+            and array.indices.dtype == np.int32
+            and array.data.all()
+        ):
+            return sp.csc_array(array, dtype=np.float64)
     entries = array.tocoo()
     return canonical(entries.row, entries.col, entries.data, array.shape)
 
