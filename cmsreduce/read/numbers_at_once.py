@@ -181,21 +181,23 @@ def integers_of(fields: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[n
 
 
 def _values(fields: NDArray[np.uint8], grammar: _Grammar) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    values, sure = np.zeros(len(fields)), np.zeros(len(fields), dtype=bool)
+    values, sure, empty = np.zeros(len(fields)), np.zeros(len(fields), dtype=bool), np.zeros(len(fields), dtype=bool)
     for start in range(0, len(fields), _FIELDS_AT_ONCE):
         some = slice(start, start + _FIELDS_AT_ONCE)
-        values[some], sure[some] = _short_numbers(fields[some], grammar)
+        values[some], sure[some], empty[some] = _short_numbers(fields[some], grammar)
         # One program prints all numbers alike: where it prints more digits, the rest is not tried.
-        if 2 * np.count_nonzero(sure[some]) < sure[some].size:
+        if 2 * np.count_nonzero(sure[some] | empty[some]) < sure[some].size:
             break
-    others = np.flatnonzero(~sure)
+    others = np.flatnonzero(~(sure | empty))
     if others.size:
         values[others], sure[others] = _words_of_fields(fields[others], grammar)
     return values, sure
 
 
-def _short_numbers(fields: NDArray[np.uint8], grammar: _Grammar) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Values of the fields that hold a number of few digits, and which these are."""
+def _short_numbers(
+    fields: NDArray[np.uint8], grammar: _Grammar
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Values of the fields that hold a number of few digits, which these are, and which fields are empty."""
     count, width = fields.shape
     characters = np.ascontiguousarray(fields.T)
     kinds = np.frombuffer(characters.tobytes().translate(_KINDS), dtype=np.uint8).reshape(width, count)
@@ -223,7 +225,7 @@ def _short_numbers(fields: NDArray[np.uint8], grammar: _Grammar) -> tuple[NDArra
         sure &= np.count_nonzero(kinds == _DIGIT, axis=0) <= grammar.digits
     digits, shift = np.where(sure, digits, 0.0), np.where(sure, shift, 0.0).astype(np.int64)
     values = np.where(shift < 0, digits / _POWERS[abs(shift)], digits * _POWERS[abs(shift)])
-    return np.where(negative & sure, -values, values), sure
+    return np.where(negative & sure, -values, values), sure, state == _EMPTY
 
 
 def _words_of_fields(fields: NDArray[np.uint8], grammar: _Grammar) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

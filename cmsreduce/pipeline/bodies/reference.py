@@ -30,7 +30,8 @@ ALL_MODES_LIMIT = 2000
 """Dofs up to which all modes of a body, n dense columns and n^3 operations, take seconds."""
 SYSTEM_LIMIT = 3000
 """Dofs up to which the bodies of a scene have all their modes: the modes of the system are n^3 operations, half a
-minute of a core, in every configuration."""
+minute of a core, in every configuration. On a chain of three solid bars, 2952 dofs with modal damping, modes to twice
+the cutoff instead err by 3.6e-7 of the peak, by 1.8e-4 of the response at its least, and take 1 % of the time."""
 WRITTEN_LIMIT = 600
 """Dofs up to which an unreduced body is written in all its modes: its modal integrals have 9 n^2 numbers."""
 # A sparse factorisation per frequency takes seconds beyond this.

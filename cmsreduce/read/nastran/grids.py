@@ -116,7 +116,7 @@ def _grids_at_once(found: CardTable, cp: int, cd: int, ps: str) -> Grids:
         found.integers(1, cp),
         found.integers(5, cd),
         x,
-        tuple(held[k] for k in which.tolist()),
+        tuple(held[k] for k in which.tolist()) if which.any() else (held[0],) * len(found),
         found,
     )
 
@@ -202,7 +202,8 @@ def read_points(cards: Cards) -> tuple[Nodes, Points, NDArray[np.int64]]:
         frame[at] = system.displacement_axes(xyz[at])
         turn[at] = system.axes_rounding(xyz[at], rounding[at])
     nodes = Nodes(grids.id, xyz, frame, float(rounding.max(initial=0.0)), float(turn.max(initial=0.0)))
-    held = [id * KEY_STEP + int(c) for id, ps in zip(grids.id.tolist(), grids.held, strict=True) if ps for c in ps]
+    some = zip(grids.id.tolist(), grids.held, strict=True) if any(grids.held) else ()
+    held = [id * KEY_STEP + int(c) for id, ps in some for c in ps]
     return nodes, Points(np.sort(grids.id), scalar_points(cards, grids)), np.array(held, dtype=np.int64)
 
 

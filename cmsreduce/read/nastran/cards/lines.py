@@ -22,9 +22,9 @@ _HEAD, _BODY_END = 8, 72  # columns of the name, and where the name of the conti
 _LONGEST = 80
 _BLANK, _NEWLINE, _TAB, _COMMA, _DOLLAR, _STAR, _EQUAL, _UNKNOWN = b" \n\t,$*=?"
 # Tabs and what is no character of NASTRAN: such lines are read one by one.
-_ODD = np.zeros(256, dtype=bool)
-_ODD[:32] = _ODD[127:] = _ODD[_UNKNOWN] = True
-_ODD[_NEWLINE] = False
+_ODD = bytes(code != _NEWLINE and (code < 32 or code >= 127 or code == _UNKNOWN) for code in range(256))
+_BLANK_WORD = np.frombuffer(b" " * _HEAD, dtype=np.uint64)[0]
+_CONTINUES = np.isin(np.arange(256), list(b"+*"))
 _EMPTY_NAME = np.isin(np.arange(256), list(b" +*"))
 
 # Lines of control have one of these words in them.
@@ -64,7 +64,7 @@ class BulkLines:
         self._commas = commas[commas < self._stops[self._line_of(commas)]]
         self._first_comma = np.searchsorted(self._commas, self._starts)
         self._comma_count = np.searchsorted(self._commas, self._stops) - self._first_comma
-        odd = np.flatnonzero(_ODD[data])
+        odd = np.flatnonzero(np.frombuffer(joined.translate(_ODD), dtype=np.uint8))
         self._odd = np.zeros(len(ends), dtype=bool)
         self._odd[self._line_of(odd[odd < self._stops[self._line_of(odd)]])] = True
         self._names = sorted(names)
@@ -86,13 +86,18 @@ class BulkLines:
         """Kind of every line, by its first field."""
         head = self._window(self._starts, _HEAD, self._stops)
         self._wide = (head == _STAR).any(axis=1)
-        head[np.logical_or.accumulate((head == _COMMA) | (head == _TAB), axis=1)] = _BLANK
-        self._blank_head = (head == _BLANK).all(axis=1)
-        # Names of continuations are many; their sort is enough.
-        head[np.isin(head[:, 0], list(b"+*"))] = np.frombuffer(b"+".ljust(_HEAD), dtype=np.uint8)
-        words, which = np.unique(head.view(np.uint64).ravel(), return_inverse=True)
-        kinds = [self._kind_of(word.tobytes().decode("ascii")) for word in words]
-        kind = np.array(kinds, dtype=np.int64)[which]
+        ends = (head == _COMMA) | (head == _TAB)
+        if ends.any():
+            head[np.logical_or.accumulate(ends, axis=1)] = _BLANK
+        words = head.view(np.uint64).ravel()
+        self._blank_head = words == _BLANK_WORD
+        # Names of continuations are many, and all of one kind; cards of one name often follow each other.
+        begun = np.flatnonzero(~(self._blank_head | _CONTINUES[head[:, 0]]))
+        first = np.flatnonzero(np.diff(words[begun], prepend=~words[begun[:1]]))
+        known, which = np.unique(words[begun[first]], return_inverse=True)
+        kinds = np.array([self._kind_of(word.tobytes().decode("ascii")) for word in known], dtype=np.int64)
+        kind = np.full(len(words), _MORE)
+        kind[begun] = np.repeat(kinds[which], np.diff(first, append=begun.size))
         # The first field of a line with commas ends at the first of them, wherever that is.
         far = np.flatnonzero(self._comma_count > 0)
         far = far[self._commas[self._first_comma[far]] - self._starts[far] > _HEAD]
