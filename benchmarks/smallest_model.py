@@ -1,6 +1,6 @@
 """Smallest models: modes chosen, system modes projected, and scene shapes; error against size on three systems.
 
-    python benchmarks/smallest_model.py                    table and picture of docs/smallest-model.md
+    python benchmarks/smallest_model.py                    tables of smallest-model.md, picture of docs/smallest-model.md
     python benchmarks/smallest_model.py --range            Galileo's search at 100 random angles of its whole range
     python benchmarks/smallest_model.py --range 3          the shapes that the tests hold at 300 random angles
     python benchmarks/smallest_model.py --certificates     certificates of 1000 random systems
@@ -39,7 +39,7 @@ from tests.pipeline.greedy import Greedy  # noqa: E402
 from tests.project.scene_systems import random_scene, random_shapes, whole_responses  # noqa: E402
 from tests.two_beams import write_two_beams  # noqa: E402
 
-PAGE, PICTURE = ROOT / "docs" / "smallest-model.md", ROOT / "docs" / "smallest-model.png"
+PAGE, PICTURE = ROOT / "benchmarks" / "smallest-model.md", ROOT / "docs" / "smallest-model.png"
 STORED = ROOT / "tests" / "golden" / "galileo_scene_shapes.npz"
 HEADER = "| system | road | shapes | worst frf_error | worst db_error | seconds |\n|---|---|---|---|---|---|"
 ON_PAGE = HEADER.replace(" seconds |", "").replace("---|---|---|---|---|---|", "---|---|---|---|---|")

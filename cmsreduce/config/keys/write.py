@@ -207,7 +207,7 @@ class WriteKeys(BodyWriteKeys):
         default={},
         description="Dialect of each format that has several. sid: by-axis, by-mode, gr-by-mode or embs, the order of "
         "the columns of Gr and Ge; mbdyn: points, invariants, lumped or first-order; fmi: fmi3 or fmi2, the version of "
-        "the standard.",
+        "the standard; extptfm: openfast-5 or openfast-4, the version of OpenFAST.",
         examples=[{"sid": "by-mode"}],
     )
     balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(
