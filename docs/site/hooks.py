@@ -70,7 +70,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         path = notebook.relative_to(ROOT).with_suffix(".md")
         generated[path.as_posix()] = notebook_page(notebook, "../" * (len(path.parts) - 1))
     generated[PLOTLY] = plotly_script()
-    generated["assets/iframe-worker.js"] = (ROOT / "docs/site/search_worker.js").read_text(encoding="utf-8")
+    for name, source in {"iframe-worker.js": "search_worker.js", "site.css": "site.css"}.items():
+        generated[f"assets/{name}"] = (ROOT / "docs/site" / source).read_text(encoding="utf-8")
     for path, text in generated.items():
         files.append(File.generated(config, path, content=text))
     return files

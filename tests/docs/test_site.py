@@ -155,3 +155,12 @@ class TestInABrowser:
             assert "cmsreduce run pipelines/galileo.yaml" in found.page.inner_text("article pre")
             assert len(found.page.inner_text("article").split()) < 300
             assert found.faults == []
+
+    def test_a_page_is_dark_where_the_system_is_and_fits_a_phone(self, browser: Any) -> None:
+        page = BUILT.parent / "docs/component-file.html"
+        for scheme, dark in (("light", False), ("dark", True)):
+            with opened(browser, page, width=390, color_scheme=scheme) as found:
+                ground = found.page.evaluate("getComputedStyle(document.body).backgroundColor")
+                assert (max(int(part) for part in re.findall(r"\d+", ground)[:3]) < 100) == dark, ground
+                assert found.page.evaluate("document.documentElement.scrollWidth") <= 390
+                assert found.faults == []
