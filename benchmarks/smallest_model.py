@@ -1,6 +1,6 @@
 """Smallest models: modes chosen, system modes projected, and scene shapes; error against size on three systems.
 
-    python benchmarks/smallest_model.py                    tables of smallest-model.md, picture of docs/smallest-model.md
+    python benchmarks/smallest_model.py                    tables of its page, picture of docs/smallest-model.md
     python benchmarks/smallest_model.py --range            Galileo's search at 100 random angles of its whole range
     python benchmarks/smallest_model.py --range 3          the shapes that the tests hold at 300 random angles
     python benchmarks/smallest_model.py --certificates     certificates of 1000 random systems

@@ -221,7 +221,8 @@ def _joint_rows(
     if first.node.size != second.node.size:
         raise SceneError(
             f"joint '{joint.name}' connects {first.node.size} nodes of '{joint.first}' with {second.node.size} of "
-            f"'{joint.second}': interfaces are joined node by node and need as many nodes"
+            f"'{joint.second}': interfaces are joined node by node. Name as many nodes on both sides, or tie those of "
+            "each side to one point (`tie: rigid` or `tie: average` of the interface)"
         )
     if first.node.size > 1 and joint.free:
         raise SceneError(

@@ -58,7 +58,8 @@ def _key_of_file(tree: Entry, message: str) -> Keys:
     found = [
         keys[:-1] if keys[-1] == "file" else keys
         for keys, entry in _texts(tree, ())
-        if keys[0] != "output" and message.startswith(f"{entry.where.folder / str(entry.value)}:")
+        if keys[0] != "output"
+        and re.match(rf"{re.escape(str(entry.where.folder / str(entry.value)))}(?:[,:] |:\d)", message)
     ]
     if len(found) < 2:
         return found[0] if found else ()

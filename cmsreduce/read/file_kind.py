@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from cmsreduce.errors import ReadError
+from cmsreduce.model import DofTable
 from cmsreduce.read.ansys import FULL_FILE, NODE_FILE, NODE_LISTING, is_row_mapping
-from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE
+from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE, read_dof_list
 from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
 from cmsreduce.read.formats import GeometryFormat, MatrixFormat
 from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC, is_hdf5
@@ -30,6 +31,7 @@ __all__ = [
     "file_kind",
     "geometry_format",
     "matrix_format",
+    "read_rows",
 ]
 
 # In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
@@ -224,7 +226,8 @@ def file_kind(path: Path) -> FileKind:
     for mark in _MARKS:
         if mark.detect(head[:_START]):
             return FileKind(mark.name, mark.words, "", mark.geometry, mark.step.format(path=path))
-    return FileKind("unknown", f"of no known format, it starts with {head[:24]!r}")
+    start = head[:24].decode("ascii", "backslashreplace")
+    return FileKind("unknown", f"of no known format; it starts with {' '.join(start.split())!r}")
 
 
 def matrix_format(path: Path, head: bytes) -> MatrixFormat | None:
@@ -271,6 +274,29 @@ def expect_kind(path: Path, wanted: str) -> None:
         elif step == _NO_MODEL:
             step = f"name {_NEEDED[wanted]}"
         raise ReadError(f"{path}: this is {kind.words}, not {words}: {step}")
+
+
+def read_rows(path: Path) -> DofTable:
+    """Read the dof list that `rows:` names; a file of another kind is named as what it is.
+
+    Parameters
+    ----------
+    path : Path
+        The file, one node.component a line.
+
+    Raises
+    ------
+    ReadError
+        If the file is missing or empty, is of another kind, a line names no dof, or a dof appears twice.
+    """
+    try:
+        return read_dof_list(path)
+    except ReadError as error:
+        if not path.is_file() or (kind := file_kind(path)).name in ("dofs", "empty", "unknown"):
+            raise
+        first = "name it as `geometry:`; " if kind.geometry else ""
+        step = f"{first}`rows:` takes a list of node.component, one a line, or a dof set of the deck, such as a"
+        raise ReadError(f"{path}: this is {kind.words}, not a dof list: {step}") from error
 
 
 _NEEDED = {

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.ansys import is_row_mapping, read_row_mapping
-from cmsreduce.read.calculix_abaqus import dof_list_beside, read_dof_list
-from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind, matrix_format
+from cmsreduce.read.calculix_abaqus import dof_list_beside
+from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind, matrix_format, read_rows
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
@@ -46,7 +46,7 @@ def detect_format(path: Path) -> str:
     if kind.name == "unknown":
         known = ", ".join(f"{format.name} ({format.words})" for format in FORMATS.values())
         hint = f"known are {known}; name one with `format:` if the file is one of them"
-        raise ReadError(f"{path}: the format is not recognised, the file is {kind.words}: {hint}")
+        raise ReadError(f"{path}: the file is {kind.words}; {hint}")
     step = GEOMETRY_FORMATS[kind.geometry].matrices if kind.geometry in GEOMETRY_FORMATS else kind.step
     raise ReadError(f"{path}: this is {kind.words}, which holds no matrix" + (f": {step}" if step else ""))
 
@@ -107,7 +107,7 @@ def read_matrix(
     if list_path is None:
         return loaded
     mapped = is_row_mapping(list_path)
-    table = read_row_mapping(list_path, loaded.A.shape[0]) if mapped else read_dof_list(list_path)
+    table = read_row_mapping(list_path, loaded.A.shape[0]) if mapped else read_rows(list_path)
     return loaded.with_dofs(table, list_path) if loaded.dofs is None else loaded.on(table)
 
 

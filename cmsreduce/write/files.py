@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import platform
@@ -33,6 +34,16 @@ __all__ = [
     "table",
 ]
 
+_OCCUPIED = "a file has the name of a folder of this path: remove it, or "
+# Steps before the one that always helps.
+_STEPS = {
+    errno.ENOSPC: "free space, or ",
+    errno.EDQUOT: "free space, or ",
+    errno.ENOTDIR: _OCCUPIED,
+    errno.EEXIST: _OCCUPIED,
+    errno.EACCES: "ask for permission to write there, or ",
+    errno.EPERM: "ask for permission to write there, or ",
+}
 # Below this many bytes compression saves nothing.
 _SMALL = 512
 
@@ -71,8 +82,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise WriteError(
-            f"{path} cannot be written: {error.strerror or error}. Nothing was changed; free space or choose another "
-            "`output:` (or --out)"
+            f"{path} cannot be written: {error.strerror or error}. Nothing was changed; "
+            f"{_STEPS.get(error.errno or 0, '')}choose another `output:` (or --out)"
         ) from None
 
 

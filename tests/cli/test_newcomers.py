@@ -107,6 +107,7 @@ CASES = {
     "mass below zero": typed(18, "mass: 5.0", "mass: -5", "above 0"),
     "mass with a strange unit": typed(18, "mass: 5.0", "mass: 5 kilo", "'5 kilo'", "number without a unit"),
     "force with two components": typed(31, "[0, 1, 1]", "[0, 1]", "3 numbers", "found 2"),
+    "misspelt unit": typed(28, "50 deg", "50 degres", "did you mean 'degrees'", "Known are"),
     # Names.
     "misspelt body": typed(25, "arm.root", "amr.root", "did you mean 'arm'"),
     "joint with one end": typed(25, "[hub.face, arm.root]", "[hub.face]", "two points", "found 1"),
@@ -122,6 +123,11 @@ CASES = {
         9, "tip: {node: 5}", "tip: {node: 55}", "'arm', interface 'tip'", "no node 55", "nearest"
     ),
     "sensor at no node": typed(34, "panel.6", "panel.66", "no node or interface '66'", "interfaces: root"),
+    "sensor at a joint": typed(34, "at: panel.6", "at: hinge", "'hinge' is no point", "`joint:` and `dof:`"),
+    "joint of two nodes with one": Mistake(
+        at(26, "2 nodes of 'arm.tip' with 1", "as many nodes", "`tie: rigid`"),
+        (("tip: {node: 5}", "tip: {nodes: [4, 5]}"),),
+    ),
     "joint of a body with itself": typed(25, "hub.face", "arm.root", "both points are arm.root", "two different ones"),
     "angle of a weld": typed(28, "hinge: [0", "weld: [0", "locked in all dofs", "free one"),
     "body joined to nothing": Mistake(
@@ -146,6 +152,24 @@ CASES = {
         (("geometry: arm.bdf", "geometry: arm.bdf\n    rows: arm.dof"),),
         touch=written("arm.dof", "\n".join(f"{node}.{dof}" for dof in range(1, 7) for node in range(1, 6))),
     ),
+    "matrix in place of a list of rows": Mistake(
+        at(5, r"arm\.op4", "OUTPUT4", "not a dof list", r"node\.component"),
+        (("geometry: arm.bdf", "geometry: arm.bdf\n    rows: arm.op4"),),
+    ),
+    "deck in place of a list of rows": Mistake(
+        at(5, r"arm\.bdf", "bulk data, not a dof list", "name it as `geometry:`", "dof set of the deck"),
+        (("geometry: arm.bdf", "geometry: arm.bdf\n    rows: arm.bdf"),),
+    ),
+    "word in a list of rows": Mistake(
+        at(9, "'components.arm.rows'", r"arm\.dof, line 2: 'two' is not a dof", r"such as 1001\.3"),
+        (("geometry: arm.bdf", "geometry: arm.bdf\n    rows: arm.dof"),),
+        touch=written("arm.dof", "1.1\ntwo\n"),
+    ),
+    "file of no known format": Mistake(
+        at(6, r"notes\.txt", "no known format", "starts with 'to whom", "`format:`"),
+        (("{file: arm.op4, matrix: KAA}", "{file: notes.txt}"),),
+        touch=written("notes.txt", "to whom it may concern\n"),
+    ),
     "same matrix twice": Mistake(
         at(5, "'arm'", r"arm\.op4", "given as mass, too", r"components\.arm\.mass"),
         (("mass: {file: arm.op4, matrix: MAA}", "mass: {file: arm.op4, matrix: KAA}"),),
@@ -166,6 +190,14 @@ CASES = {
         touch=one_matrix,
     ),
     # Commands.
+    "output in place of a file": called(
+        "run",
+        "P",
+        "--out",
+        "D/taken",
+        says=("taken", "a file has the name of a folder", "remove it, or choose another"),
+        touch=written("taken", ""),
+    ),
     "run of a matrix": called("run", "D/arm.op4", says=(r"arm\.op4", "not a pipeline file", "cmsreduce new NAME")),
     "run of a deck": called("run", "D/arm.bdf", says=(r"arm\.bdf", "not a pipeline file", "cmsreduce new NAME")),
     "run of a folder": called("run", "D", says=("this is a folder", r"name the file in it: .*study\.yaml")),

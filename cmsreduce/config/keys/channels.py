@@ -93,6 +93,15 @@ def _check_direction(vector: tuple[float, float, float]) -> tuple[float, float, 
     return vector
 
 
+def _check_place(value: object) -> object:
+    if isinstance(value, str) and "." not in value:
+        raise ValueError(
+            f"'{value}' is no point: write COMPONENT.INTERFACE, COMPONENT.NODE or COMPONENT.cg, or for a channel in a "
+            "joint `joint:` and `dof:`"
+        )
+    return value
+
+
 DofName = Annotated[str, BeforeValidator(_check_dof)]
 """One of x y z rx ry rz, or a digit 1 to 6."""
 Pair = Annotated[tuple[PointName, PointName], BeforeValidator(_check_pair)]
@@ -106,7 +115,7 @@ Direction = Annotated[Vector, AfterValidator(_check_direction)]
 class _ChannelKeys(Keys):
     alternatives: ClassVar[tuple[str, ...]] = _PLACES
 
-    at: PointName | None = Field(
+    at: Annotated[PointName, BeforeValidator(_check_place)] | None = Field(
         default=None,
         description="Point of a body: COMPONENT.INTERFACE, COMPONENT.NODE, or COMPONENT.cg of a rigid one.",
         examples=["rotor.1200"],

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from cmsreduce.errors import UnitsError
+from cmsreduce.errors import UnitsError, closest
 from cmsreduce.model import UnitKind, Units, units_of
 
 __all__ = [
@@ -219,8 +219,9 @@ def _unit_named(text: str, written: str) -> str:
         return alike[0]
     if alike:
         raise UnitsError(f"'{written}': write {' or '.join(alike)}, they differ by the case of their letters")
-    known = ", ".join(_UNITS)
-    raise UnitsError(f"'{written}': unknown unit '{text}', known are {known}")
+    meant = closest(text, _UNITS)
+    guess = f", did you mean '{meant}'? Known" if meant else ", known"
+    raise UnitsError(f"'{written}': unknown unit '{text}'{guess} are {', '.join(_UNITS)}")
 
 
 def measure(value: object, dimension: Dimension, bare: float | None = None) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import DofTable, RigidBody, Source, Units, cross_matrix, rigid_body_shapes
-from cmsreduce.read.calculix_abaqus import read_dof_list
+from cmsreduce.read.file_kind import read_rows
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import Geometry
 from cmsreduce.read.geometry import read_geometry
@@ -169,7 +169,7 @@ def _dofs_of_rows(name: str, Phi: LabelledMatrix, shape: Geometry, rows: Path | 
     if isinstance(rows, str):
         found = [shape.table(rows)]
     elif rows is not None:
-        found = [read_dof_list(rows)]
+        found = [read_rows(rows)]
     else:
         found = [table for table in shape.rows.values() if len(table) == p][:1]
     if not found or len(found[0]) != p:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError, ReadError
 from cmsreduce.model import Source, Units
-from cmsreduce.read.calculix_abaqus import read_dof_list
+from cmsreduce.read.file_kind import read_rows
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.geometry import read_geometry
 from cmsreduce.read.matrix import matrix_names, read_matrix
@@ -99,7 +99,7 @@ def read_states(
     proportional damping only.
     """
     found = _matrices(path, struct)
-    dofs, shape = read_dof_list(rows), read_geometry(geometry)
+    dofs, shape = read_rows(rows), read_geometry(geometry)
     ports = found["B"].shape[1]
     if len(dofs) != ports:
         raise DofMapError(f"body '{name}': {rows} names {len(dofs)} dofs, but B of {path} has {ports} inputs")
