@@ -82,8 +82,8 @@ def test_format_is_found_by_content(tmp_path: Path, format: str, suffix: str) ->
     ("content", "message"),
     [
         (b"", "the file is empty"),
-        (b"once upon a time", r"starts with b'once upon a time': known are op4 \(NASTRAN OUTPUT4.*`format:`"),
-        (b"\x01\x02\x03\x04 and more", r"starts with b'\\x01\\x02\\x03\\x04 and more'"),
+        (b"once upon a time", r"starts with 'once upon a time'; known are op4 \(NASTRAN OUTPUT4.*`format:`"),
+        (b"\x01\x02\x03\x04 and more", r"starts with '\\x01\\x02\\x03\\x04 and more'"),
         (b"\x1f\x8b\x08\x00", "compressed with gzip"),
         (b"BEGIN BULK\nGRID,1,,0.,0.,0.\nENDDATA\n", "this is NASTRAN bulk data, which holds no matrix: name the OP4"),
         (b"\xef\xbb\xbf", "the file is of no known format; it starts with"),

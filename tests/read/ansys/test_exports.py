@@ -186,7 +186,7 @@ def test_six_dofs_of_a_node(tmp_path: Path) -> None:
         ([[k] for k in range(1, 13)], "names 12 nodes for 12 rows"),
         ([[3], [3]], "map.mtx: dof 3.1 is in two rows"),
         ([[0], [3]], "positive integers"),
-        ([[1, 2]], "is not a dof"),
+        ([[1, 2]], "not a dof list"),
     ],
 )
 def test_a_mapping_that_does_not_fit_is_refused(tmp_path: Path, values: list[list[int]], message: str) -> None:
