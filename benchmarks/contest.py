@@ -14,6 +14,8 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from cmsreduce.linalg.machine import available_memory
+
 ROOT = Path(__file__).resolve().parents[1]
 HERE = ROOT / "benchmarks" / "peers"
 RECORDS = ROOT / "build" / "bench"
@@ -182,7 +184,7 @@ def compete(name: str, body: str, n: int, folder: Path, threads: int, limit_s: f
         )
         if not name.startswith(OURS):
             # Before the interpreter is up; what it starts inherits it. Ours refuses by itself.
-            resource.prlimit(running.pid, resource.RLIMIT_DATA, (_memory_free(),) * 2)
+            resource.prlimit(running.pid, resource.RLIMIT_DATA, (int(_MEMORY_SHARE * available_memory()),) * 2)
         try:
             running.wait(limit_s)
         except subprocess.TimeoutExpired:
@@ -197,9 +199,7 @@ def compete(name: str, body: str, n: int, folder: Path, threads: int, limit_s: f
         if running.returncode or not report.exists():
             log.seek(0)
             said = log.read()
-            short = any(
-                word in said for word in ("MemoryError", "Cannot allocate", "out of memory", "Not enough memory")
-            )
+            short = any(word in said for word in _SHORT_OF_MEMORY)
             why = said.strip().splitlines()[-1][:100] if said.strip() else f"exit code {running.returncode}"
             return record | {"status": "out of memory" if short or running.returncode == -9 else f"failed: {why}"}
     found = json.loads(report.read_text(encoding="utf-8"))
@@ -221,9 +221,3 @@ def records() -> dict[tuple[str, str], dict]:
     """All stored records, by body and peer."""
     read = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(RECORDS.glob("*.*.json"))]
     return {(record["body"], record["peer"]): record for record in read}
-
-
-def _memory_free() -> int:
-    """Bytes that a peer may allocate (without mapped files): free memory of the machine, less a reserve."""
-    lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
-    return int(_MEMORY_SHARE * 1024 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable")))

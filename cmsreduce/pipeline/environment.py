@@ -116,7 +116,7 @@ def _solvers() -> Iterator[EnvironmentLine]:
 
 def _machine(folder: Path) -> Iterator[EnvironmentLine]:
     cores, most = usable_cores(), os.cpu_count() or 1
-    advice = "" if cores >= most else "OMP_NUM_THREADS or the affinity of the process allows no more"
+    advice = "" if cores >= most else "OMP_NUM_THREADS, the affinity or the control group of the process allows no more"
     yield EnvironmentLine("threads", cores, f"{cores} of {most} cores", advice)
     memory = available_memory()
     yield EnvironmentLine("memory", memory, f"{memory / 2**30:.1f} GiB available")

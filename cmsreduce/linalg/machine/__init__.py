@@ -4,6 +4,7 @@ Solver settings, thread counts, memory limits and calls into MKL and LAPACK belo
 Algorithms belong in the other rooms of `linalg`.
 """
 
+from cmsreduce.linalg.machine.allowance import available_memory, usable_cores
 from cmsreduce.linalg.machine.lapack_calls import lapack_call, lapack_offers
 from cmsreduce.linalg.machine.mkl_library import SparseMatrix, add_product, mkl_library, pardiso, pardiso_pivots
 from cmsreduce.linalg.machine.settings import (
@@ -12,11 +13,9 @@ from cmsreduce.linalg.machine.settings import (
     Precision,
     SolverSettings,
     allowed_threads,
-    available_memory,
     current_settings,
     share_rows,
     solver_settings,
-    usable_cores,
 )
 
 __all__ = [

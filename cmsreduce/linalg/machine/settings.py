@@ -6,7 +6,6 @@ Settings hold for a block of code, like numpy's error state. Work on the rows of
 from __future__ import annotations
 
 import hashlib
-import os
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.machine.allowance import available_memory, usable_cores
 from cmsreduce.model import Factorisation
 from cmsreduce.multifrontal import blas_threads
 
@@ -30,11 +30,9 @@ __all__ = [
     "Precision",
     "SolverSettings",
     "allowed_threads",
-    "available_memory",
     "current_settings",
     "share_rows",
     "solver_settings",
-    "usable_cores",
 ]
 
 Precision = Literal["auto", "double", "single"]
@@ -46,7 +44,6 @@ BACKENDS: tuple[Backend, ...] = ("pardiso", "multifrontal", "cholmod", "superlu"
 _FACTOR_SHARE = 0.9
 # Share of the factor's memory that one basis may take: several exist at a time, beside the block of new columns.
 _BASIS_SHARE = 0.1
-_KIB = 1024
 # Orders in memory: enough for a few components and the parts of one.
 _ORDERS = 8
 # Share of the factor's memory that factors of earlier steps may take together.
@@ -237,23 +234,6 @@ def allowed_threads(count: int) -> Iterator[None]:
             yield
     finally:
         _ALLOWED.reset(token)
-
-
-def usable_cores() -> int:
-    """Number of cores that this process may use, at most OMP_NUM_THREADS."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    allowed = os.environ.get("OMP_NUM_THREADS", "")
-    return min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
-
-
-def available_memory() -> float:
-    """Bytes of memory available without swapping; the memory of the whole machine if the system does not report it."""
-    table = Path("/proc/meminfo")
-    if table.is_file():
-        for line in table.read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return float(line.split()[1]) * _KIB
-    return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
 
 
 def share_rows(n: int, at_once: int, work: Callable[[int, slice], None]) -> None:
