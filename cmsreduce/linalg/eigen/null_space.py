@@ -193,8 +193,8 @@ def only_motions(
     rounding : float
         Relative error of K.
     interface : (i,) int64, optional
-        Rows of the interface, which are eliminated last where the body is large: the factor of the interior serves the
-        reduction, too.
+        Rows of the interface, which are eliminated last where they are few and hold the body: the factor of the
+        interior serves the reduction, too.
 
     Returns
     -------

@@ -90,8 +90,8 @@ def factorise(
     what : str
         Name of the matrix in error messages.
     kept : bool
-        Whether a later step asks for this factor again: a large one is kept if it takes a small share of the memory, or
-        lies in a file.
+        Whether a later step asks for this factor again: it is kept if it takes a small share of the memory, or lies in
+        a file.
     solves : bool
         False if only the number of negative pivots of a matrix that need not be definite is asked for: a large factor
         then takes little memory.
@@ -111,7 +111,7 @@ def factorise(
     """
     A = sp.csc_array(A)
     settings, entries = current_settings(), (A.indptr, A.indices, A.data)
-    kept = kept and definite and A.shape[0] >= LARGE
+    kept = kept and definite
     if kept and (known := settings.factors.find(entries)) is not None:
         return cast(Factor, known)
     backend = _backend(settings.backend, A.shape[0])

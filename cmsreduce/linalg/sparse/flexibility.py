@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import by_columns
 from cmsreduce.linalg.machine import current_settings
 from cmsreduce.linalg.sparse.factor import BLOCK, Factor
-from cmsreduce.linalg.sparse.factorisation import LARGE, NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.sparse.factorisation import NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.sparse.parts import part
 
 __all__ = [
@@ -156,7 +156,7 @@ def held_factor(
     what : str
         Name of the matrix in error messages.
     interface : (i,) int64, optional
-        Rows that are eliminated last, and among which the body is held, if it is large and they are few and hold it.
+        Rows that are eliminated last, and among which the body is held, if they are few and hold it.
     sound : float
         Pivots of a body that is held well at its interface exceed this share of their diagonal entries. Dofs that are
         too near to each other leave smaller ones; others are held then.
@@ -174,12 +174,8 @@ def held_factor(
         If the body has another free motion.
     """
     rows, r = np.arange(K.shape[0]), motions.shape[1]
-    if (
-        interface is not None
-        and 0 < interface.size <= BLOCK
-        and K.shape[0] >= LARGE
-        and motions_held(motions, interface) == r
-    ):
+    few = interface is not None and 0 < interface.size <= min(BLOCK, rows.size - 1)
+    if interface is not None and few and motions_held(motions, interface) == r:
         interface = np.unique(interface)
         given = interface[determinate_dofs(motions[interface])]
         with suppress(NotPositiveDefiniteError):

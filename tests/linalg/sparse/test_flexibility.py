@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.linalg import sparse
 from cmsreduce.linalg.eigen import only_motions, rigid_body_modes
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.linalg.machine.settings import KnownFactors
@@ -26,20 +25,13 @@ from tests.solids import block
 ENDS = [1, 2, 3, 4, 5, 6]
 
 
-@pytest.fixture
-def large(monkeypatch):
-    """A matrix of 300 rows counts as large."""
-    for module in (sparse.parts, sparse.factorisation, sparse.flexibility):
-        monkeypatch.setattr(module, "LARGE", 300)
-
-
 def mast(nodes: int = 120):
     body = line("mast", [0, 0, 0], [3, 1, 0.5], nodes)
     rows = np.concatenate([body.dofs.rows_of(body.dofs.node[at], ENDS) for at in (0, body.n // 2)])
     return body, rows, rigid_body_shapes(body.dofs, body.nodes)
 
 
-def test_a_solve_is_that_of_the_dense_matrix(large):
+def test_a_solve_is_that_of_the_dense_matrix():
     body, rows, R = mast()
     given, free, factor = held_factor(body.K, R, "the mast", rows)
     assert np.isin(given, rows).all()
@@ -48,7 +40,7 @@ def test_a_solve_is_that_of_the_dense_matrix(large):
     b = np.random.default_rng(2).normal(size=(free.size, 3)) * np.sqrt(body.K.diagonal()[free])[:, None]
     exact = la.solve(K, b, assume_a="pos")
     np.testing.assert_allclose(factor(b), exact, atol=1e-7 * abs(exact).max())
-    np.testing.assert_allclose(factor(b[:, 0]), factor(b)[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(factor(b[:, 0]), factor(b)[:, 0], rtol=0, atol=1e-12 * abs(exact[:, 0]).max())
     # Pivots of the interface, eliminated after all others, do not depend on the order of those.
     last = np.isin(free, rows)
     order = np.concatenate([np.flatnonzero(~last), np.flatnonzero(last)])
@@ -58,7 +50,7 @@ def test_a_solve_is_that_of_the_dense_matrix(large):
     assert 0 <= row < free.size
 
 
-def test_elastic_flexibility_does_not_depend_on_the_dofs_that_are_held(large):
+def test_elastic_flexibility_does_not_depend_on_the_dofs_that_are_held():
     body, rows, R = mast()
     rigid = rigid_body_modes(body.K, body.M, R, body.rounding, "mast")
     loads = np.eye(body.n)[:, [3, 300, body.n - 2]]
@@ -66,7 +58,7 @@ def test_elastic_flexibility_does_not_depend_on_the_dofs_that_are_held(large):
     np.testing.assert_allclose(with_interface, own, atol=1e-9 * abs(own).max())
 
 
-def test_a_free_motion_beyond_those_known_is_found(large):
+def test_a_free_motion_beyond_those_known_is_found():
     """The factorisation fails, or leaves a pivot that is only rounding: no proof either way."""
     body, rows, R = mast()
     with suppress(NotPositiveDefiniteError):
@@ -75,7 +67,7 @@ def test_a_free_motion_beyond_those_known_is_found(large):
         InterfaceLast(body.K, rows, rows[:5], "the mast")
 
 
-def test_the_proof_and_two_reductions_take_one_definite_factor(large):
+def test_the_proof_and_two_reductions_take_one_definite_factor():
     body, rows, R = mast()
     with solver_settings(SolverSettings()) as settings:
         proven = only_motions(body.K, R, body.rounding, rows)
@@ -87,7 +79,7 @@ def test_the_proof_and_two_reductions_take_one_definite_factor(large):
     assert sorted(sizes) == sorted([body.n - rows.size, body.n - rows.size, body.n])
 
 
-def test_the_factor_with_its_interface_is_kept_as_long_as_that_of_the_interior(large):
+def test_the_factor_with_its_interface_is_kept_as_long_as_that_of_the_interior():
     body, rows, R = mast()
     with solver_settings(SolverSettings()):
         first = held_factor(body.K, R, "the mast", rows)[2]
@@ -103,7 +95,7 @@ def test_the_factor_with_its_interface_is_kept_as_long_as_that_of_the_interior(l
     assert (known.find(a), known.find(b), known.find(c)) == (None, None, "another")
 
 
-def test_an_interface_of_six_dofs_holds_the_body_alone(large):
+def test_an_interface_of_six_dofs_holds_the_body_alone():
     """As a tied face does: no dof of it is left to be eliminated last."""
     body, rows, R = mast()
     given, free, factor = held_factor(body.K, R, "the mast", rows[:6])
@@ -114,7 +106,7 @@ def test_an_interface_of_six_dofs_holds_the_body_alone(large):
     assert 0 < factor.weakest[1] <= 1
 
 
-def test_an_interface_too_small_to_hold_the_body_is_not_taken(large):
+def test_an_interface_too_small_to_hold_the_body_is_not_taken():
     """Nine translations at three corners of one element hold a bar in principle, by a lever of a thousandth."""
     body = block("bar", [30.0, 0.03, 0.03], [60, 1, 1])
     near = np.flatnonzero(np.isin(body.dofs.node, body.nodes.id[np.argsort(body.nodes.xyz[:, 0])[:3]]))
