@@ -39,7 +39,8 @@ def test_auto_takes_it_for_large_matrices(monkeypatch):
         factorise(CUBE.K[:-1][:, :-1])
         factorise(CUBE.K, definite=False)
     taken = [work.backend == "multifrontal" for work in settings.work]
-    assert taken == [True, False, True]
+    # Without MKL it is the quickest for smaller ones, too.
+    assert taken == [True, not module.installed("pardiso"), True]
 
 
 @pytest.mark.pardiso
