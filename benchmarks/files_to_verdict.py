@@ -6,7 +6,8 @@ included, without any proof but the count of the modes. Seconds are those of the
 hardly depend on what else the machine does. The peak of memory is that of the process up to the end of the run: name
 sizes in ascending order.
 
-``--one DOFS`` runs one bar alone, held at its root, its factor in double precision in a file: stages, memory, disk.
+``--one DOFS [GIB]`` runs one bar alone, held at its root: stages, memory, disk. It has the default settings, or a limit
+in GiB for its factors and double precision.
 """
 
 from __future__ import annotations
@@ -34,8 +35,6 @@ from cmsreduce.reduce import CraigBampton  # noqa: E402
 
 BAND_HZ, CUTOFF_BANDS = 700.0, 2.0
 SIDES = (3.0, 0.17, 0.18)
-# GiB for each dof: less than the factor of a bar of 1e6 dofs takes, and more than the updates beside it.
-ONE_LIMIT = 4e-6
 COMPONENT = """\
   {name}:
     stiffness: {name}.K.npz
@@ -67,7 +66,7 @@ scene:
   actuators: {{push: {{at: inner.tip, force: [0, 0, 1]}}}}
   sensors: {{tip: {{at: inner.tip, measure: z}}}}
 reduce: {{cutoff: {cutoff}}}
-solver: {{memory: {memory} GiB, precision: double}}
+solver: {{{solver}}}
 verify: {{frf: {{points: 400}}, limits: {{frf_error: 10 %}}}}
 write: {{formats: [hdf5, exudyn]}}
 """
@@ -101,15 +100,15 @@ def write_bar(folder: Path, name: str, cells: tuple[int, int, int], start: float
     return COMPONENT.format(name=name, root=ends[0], tip=ends[1])
 
 
-def write_scene(folder: Path, cells: tuple[int, int, int], memory: float | None = None) -> Path:
+def write_scene(folder: Path, cells: tuple[int, int, int], solver: str | None = None) -> Path:
     """Files and pipeline of two bars, of which the outer one is a little shorter in cells.
 
-    With a limit of memory in GiB, those of the inner bar alone.
+    With solver keys, those of the inner bar alone.
     """
     parts = [write_bar(folder, "inner", cells, 0.0)]
-    if memory is None:
+    if solver is None:
         parts.append(write_bar(folder, "outer", (cells[0] - 1, *cells[1:]), SIDES[0]))
-    scene = (SCENE if memory is None else ONE).format(band=BAND_HZ, cutoff=CUTOFF_BANDS, memory=memory)
+    scene = (SCENE if solver is None else ONE).format(band=BAND_HZ, cutoff=CUTOFF_BANDS, solver=solver)
     path = folder / "bars.yaml"
     path.write_text("name: bars\ncomponents:\n" + "".join(parts) + scene)
     return path
@@ -152,13 +151,13 @@ def measured(dofs: float) -> str:
     )
 
 
-def one(dofs: float) -> None:
-    """Run one bar with its factor in a file; print what it took."""
-    cells = cells_for(dofs)
+def one(dofs: float, gib: float | None = None) -> None:
+    """Run one bar; print what it took."""
+    cells, solver = cells_for(dofs), "" if gib is None else f"memory: {gib} GiB, precision: double"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-            path = pool.submit(write_scene, folder, cells, ONE_LIMIT * dofs).result()
+            path = pool.submit(write_scene, folder, cells, solver).result()
         started, busy = time.perf_counter(), time.process_time()
         finished = cms.run(path, out=folder / "out")
         seconds, processors = time.perf_counter() - started, time.process_time() - busy
@@ -175,7 +174,7 @@ def main() -> None:
     """Print the table."""
     if sys.argv[1:2] == ["--one"]:
         measured(3e3)
-        one(float(sys.argv[2]))
+        one(*map(float, sys.argv[2:]))
         return
     sizes = [float(each) for each in sys.argv[1:]] or [1e4, 1e5]
     columns = ["dofs of a body", "run, s (of processors)", "read, prove, factorise", "reduce"]

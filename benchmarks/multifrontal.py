@@ -6,14 +6,18 @@ and factorises it, and solves for one, eight and 64 columns; the least of three 
 residual of a row over the sum of the sizes of its terms.
 
 ``--counts`` counts the modes below the cutoff of each body instead: the negative pivots of K - omega^2 M.
+``--ranks 1 2`` compares a factor in memory and one in a file with MUMPS on one and on two processes.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +35,10 @@ from cmsreduce.linalg.machine import (  # noqa: E402
     mkl_library,
     solver_settings,
 )
-from cmsreduce.linalg.sparse import share_order  # noqa: E402
+from cmsreduce.linalg.sparse import Factor, factorise, share_order  # noqa: E402
 from cmsreduce.linalg.sparse.lower_triangle import lower_pattern  # noqa: E402
 from cmsreduce.linalg.sparse.multifrontal import Multifrontal  # noqa: E402
+from cmsreduce.linalg.sparse.mumps import Mumps  # noqa: E402
 from cmsreduce.linalg.sparse.pardiso import Pardiso  # noqa: E402
 from cmsreduce.multifrontal import CholeskyFactor, compile_loops, nested_dissection  # noqa: E402
 
@@ -45,6 +50,8 @@ WIDTHS = (1, 8, 64)
 ROUNDS = 3
 # SuperLU takes a minute for larger bodies.
 SUPERLU_ROWS = 50_000
+# Bytes a row: less than a factor of 1e5 rows takes, and more than the updates beside it.
+_UPDATES = 4000.0
 
 
 def multifrontal(K: sp.csc_array, threads: int) -> Solve:
@@ -125,6 +132,43 @@ def counts(names: list[str], threads: int) -> Iterator[list[str]]:
             del factor
 
 
+def processes(names: list[str], ranks: list[int]) -> Iterator[list[str]]:
+    """A line of the table for each body and number of processes; without any, the multifrontal factor in a file."""
+    compile_loops()
+    with tempfile.TemporaryDirectory() as scratch:
+        kinds = {
+            "multifrontal": SolverSettings("multifrontal"),
+            "multifrontal, less memory": SolverSettings("multifrontal", scratch=Path(scratch)),
+            **{f"MUMPS, {each} processes": SolverSettings("mumps", ranks=each) for each in ranks},
+        }
+        for name in names:
+            K = sp.csc_array(problem(name)[0].K)
+            b = np.random.default_rng(0).standard_normal((K.shape[0], 8))
+            for kind, settings in kinds.items():
+                memory = None if settings.scratch is None else _UPDATES * K.shape[0]
+                with solver_settings(replace(settings, memory=memory, threads=max(ranks), precision="double")):
+                    times = [time.perf_counter()]
+                    factor = factorise(K)
+                    times.append(time.perf_counter())
+                    x = factor(b)
+                    times.append(time.perf_counter())
+                error = float((abs(K @ x - b) / (abs(K) @ abs(x) + abs(b))).max())
+                seconds = [f"{each:.2f}" for each in np.diff(times)]
+                file = f"{factor.cost.file / 2**20:.0f}"
+                yield [name, str(K.shape[0]), kind, *seconds, ", ".join(peaks(factor)), file, f"{error:.0e}"]
+                del factor
+
+
+def peaks(factor: Factor) -> list[str]:
+    """MiB of a factor, or the largest memory so far of each process of MUMPS."""
+    if not isinstance(factor, Mumps):
+        return [f"{factor.cost.bytes / 2**20:.0f}"]
+    pid = factor._group._process.pid
+    ranks = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    found = [re.search(r"VmHWM:\s*(\d+)", Path(f"/proc/{rank}/status").read_text()) for rank in ranks]
+    return [f"{int(each[1]) / 2**10:.0f}" for each in found if each]
+
+
 def least(work: Callable[[], Any]) -> tuple[float, Any]:
     """Least seconds of a function, and its result."""
     seconds, found = np.inf, None
@@ -141,10 +185,15 @@ if __name__ == "__main__":
     parser.add_argument("bodies", nargs="*", default=list(BODIES))
     parser.add_argument("--threads", type=int, default=SolverSettings().thread_count)
     parser.add_argument("--counts", action="store_true", help="count modes")
+    parser.add_argument("--ranks", type=int, nargs="+", help="numbers of processes of MUMPS")
     given = parser.parse_args()
-    heads = ["body", "dofs", "solver", "factorise, s", *(f"{k} columns, s" for k in WIDTHS), "error"]
+    heads, lines = ["factorise, s", *(f"{k} columns, s" for k in WIDTHS), "error"], rows(given.bodies, given.threads)
     if given.counts:
-        heads = ["body", "dofs", "solver", "s", "processor time, s", "MiB", "modes"]
+        heads, lines = ["s", "processor time, s", "MiB", "modes"], counts(given.bodies, given.threads)
+    if given.ranks:
+        heads = ["factorise, s", "8 columns, s", "MiB of each process", "MiB in a file", "error"]
+        lines = processes(given.bodies, given.ranks)
+    heads = ["body", "dofs", "solver", *heads]
     print("| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
-    for line in (counts if given.counts else rows)(given.bodies, given.threads):
+    for line in lines:
         print("| " + " | ".join(line) + " |", flush=True)
