@@ -28,6 +28,9 @@ _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 _NO_MEMORY, _BAD_PIVOT = -2, -4
 # From this number of rows on two levels of parallel work are quicker than one.
 _TWO_LEVELS = 20_000
+# Up to this number of rows a second thread saves nothing and spins for as long: 10 308 rows are factorised in 0.065 s
+# on one thread and in 0.07 s on two.
+_FEW_ROWS = 12_000
 # A pivot is moved away from zero only if it is far below round-off: the count of signs must be that of the matrix.
 _PERTURBED = 20
 # Index in iparm of the number of moved pivots.
@@ -146,7 +149,7 @@ class Pardiso(Factor):
         return 0 if self._type == _DEFINITE else int(self._iparm[22])
 
     def _call(self, phase: int, n: int, b: NDArray[Any] | None = None, x: NDArray[Any] | None = None) -> None:
-        threads = current_settings().thread_count
+        threads = current_settings().thread_count if n > _FEW_ROWS else 1
         code = pardiso(self._handle, phase, self._type, n, self._matrix, self._order, self._iparm, b, x, threads)
         if code == _BAD_PIVOT:
             raise SingularFactorError

@@ -13,7 +13,14 @@ from threadpoolctl import threadpool_limits
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.linalg.machine.settings import KnownOrders
-from cmsreduce.linalg.sparse import BLOCK, InsufficientMemoryError, NotPositiveDefiniteError, factorise, superlu
+from cmsreduce.linalg.sparse import (
+    BLOCK,
+    InsufficientMemoryError,
+    NotPositiveDefiniteError,
+    factorise,
+    pardiso,
+    superlu,
+)
 from cmsreduce.linalg.sparse.factor_size import factor_cost
 from cmsreduce.multifrontal import nested_dissection
 from tests.frames import frame, line
@@ -393,3 +400,14 @@ def test_the_order_of_k_serves_k_less_sigma_m(precision):
             assert missed.max() < 1e-12
     assert settings.orders.found == 1
     assert len({each.entries for each in settings.work}) == 1
+
+
+@pytest.mark.pardiso
+@pytest.mark.parametrize("few, threads", [(2**20, 1), (10, 3)], ids=["few rows", "many rows"])
+def test_pardiso_works_on_few_rows_by_one_thread(monkeypatch, few, threads):
+    taken, called, A = [], pardiso.pardiso, banded(400, 5)
+    monkeypatch.setattr(pardiso, "_FEW_ROWS", few)
+    monkeypatch.setattr(pardiso, "pardiso", lambda *given: (taken.extend(given[9:]), called(*given))[1])
+    with solver_settings(SolverSettings("pardiso", threads=3)):
+        np.testing.assert_allclose(factorise(A)(A @ np.ones(400)), 1.0, rtol=0, atol=1e-10)
+    assert len(taken) >= 3 and set(taken) == {threads}
