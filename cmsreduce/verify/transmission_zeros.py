@@ -23,6 +23,8 @@ _ONE_POLE = 1e-9
 _FAR, _TERMS = 2.0, 14
 # Zeros up to this many times the highest one wanted are returned, too.
 _BEYOND = 1.2
+# A root whose numerator and denominator are both below this share of the pencil is not determined by it.
+_UNDETERMINED = 1e-14
 # A root with less than this share of its size off the real axis is on the axis.
 _ON_AXIS = 1e-7
 # Zeros whose magnitudes differ by less than this share may be mirror images, which rounding puts in any order.
@@ -48,14 +50,16 @@ def zeros_below(omega: Array, residue: Array, omega_max: float, *, static: float
     (z,) complex128
         In rad/s up to a little above ``omega_max``, by magnitude: zeros of positive imaginary part and zeros on the
         real axis. The right one of two mirror images comes first. Zeros of a collocated pair lie on the imaginary
-        axis, between the poles.
+        axis, between the poles. A response that is nothing has none.
 
     Notes
     -----
     Rosenbrock's pencil (Emami-Naeini, Van Dooren 1982) in lambda = s^2, of half the size, with the modes far above as a
     polynomial in lambda.
     """
-    largest = float(abs(residue).max(initial=0.0)) or 1.0
+    largest = max(float(abs(residue).max(initial=0.0)), abs(static) * omega_max**2)
+    if not largest:
+        return np.empty(0, dtype=np.complex128)
     w2, r = (omega / omega_max) ** 2, residue / largest
     low = omega <= _FAR * omega_max
     k, p = int(low.sum()), np.arange(_TERMS)
@@ -68,7 +72,8 @@ def zeros_below(omega: Array, residue: Array, omega_max: float, *, static: float
     A[power, power + 1], E[power, power] = 1.0, 1.0
     A[-1, :k], A[-1, k:] = r[low], series
     alpha, beta = la.eigvals(A, E, homogeneous_eigvals=True)
-    near = abs(alpha) <= _BEYOND**2 * abs(beta)
+    # Where no mode responds, every number is a root, and the pencil returns 0/0.
+    near = (abs(alpha) <= _BEYOND**2 * abs(beta)) & (abs(beta) > _UNDETERMINED * la.norm(E))
     root = omega_max * np.sqrt(alpha[near] / beta[near] + 0j)
     real = abs(root.imag) <= _ON_AXIS * abs(root)
     upper = np.where(root.imag < 0, -root, root)

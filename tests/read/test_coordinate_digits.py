@@ -125,6 +125,24 @@ def test_a_mesh_within_its_digits_is_proven_and_a_shuffled_one_is_not(
         read(tmp_path, shuffled)
 
 
+def test_a_deck_converted_to_other_units_prints_more_digits_than_it_has(tmp_path: Path) -> None:
+    """Places of 12 digits in millimetres, divided by a length in feet: each has the 16 digits of a quotient."""
+    foot = 304.8
+    inexact = block("bar", [0.9 / foot, 0.2 / foot, 0.2 / foot], [6, 2, 2])
+    assert inexact.nodes is not None
+    rng = np.random.default_rng(0)
+    off = inexact.nodes.xyz * (1 + 1e-11 * rng.uniform(-1, 1, inexact.nodes.xyz.shape))
+    form = lambda number, place: f"GRID,{number},," + ",".join(map(repr, place.tolist())) + "\n"  # noqa: E731
+    (tmp_path / "bar.bdf").write_text(deck(form)(off))
+    (tmp_path / "rows.txt").write_text("\n".join(inexact.dofs.labels))
+    found = read(tmp_path, inexact)
+    assert isinstance(found.nodes, Nodes) and 1e-15 < found.nodes.xyz_rounding < 1e-9 * 0.9 / foot
+    order = np.arange(inexact.n)
+    order[3:6], order[6:9] = np.arange(6, 9), np.arange(3, 6)
+    with pytest.raises(DofMapError, match="not proven"):
+        read(tmp_path, replace(inexact, K=sp.csc_array(inexact.K[order][:, order])))
+
+
 def test_a_mesh_off_a_deck_that_was_typed_is_another_mesh(tmp_path: Path) -> None:
     body = body_near(tmp_path, deck(typed), 1e-6)
     with pytest.raises(DofMapError, match="not proven"):

@@ -149,3 +149,9 @@ def test_channels_that_no_mode_joins_have_no_gain():
     omega, B, C = np.array([1.0, 2.0]), np.array([[1.0], [1e-14]]), np.array([[1e-13, 1.0], [1.0, 0.0]])
     found = gain_sum(omega, B, C)
     np.testing.assert_array_equal(found.total, [[0.0], [1.0]])
+
+
+def test_a_response_that_is_nothing_has_no_zeros():
+    assert zeros_below(np.array([0.0, 10.0, 20.0]), np.zeros(3), 50.0).size == 0
+    shifts = zero_shifts(np.array([15.8j]), zeros_below(np.array([10.0]), np.zeros(1), 50.0), (1.0, 50.0))
+    assert shifts.tolist() == [np.inf]

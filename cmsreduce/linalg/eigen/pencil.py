@@ -149,7 +149,7 @@ def elastic_and_massless(K: Array, M: Array, rigid: Array, rounding: float = 2.0
     try:
         mu, Y = la.eigh(_symmetric(Z.T @ (weight[:, None] * Z)), _symmetric(Z.T @ (T.T @ K @ T) @ Z))
     except la.LinAlgError:
-        raise MatrixError("the stiffness is singular beyond the rigid-body modes: the body has a mechanism") from None
+        raise MatrixError(_not_resisted(K, T @ Z, rounding)) from None
     mu, ZY = mu[::-1], Z @ Y[:, ::-1]
     # An eigenvalue below the rounding of the largest may have either sign; a sum of positive terms is positive.
     lost = mu <= np.finfo(float).eps * mu.max(initial=0.0)
@@ -160,6 +160,23 @@ def elastic_and_massless(K: Array, M: Array, rigid: Array, rounding: float = 2.0
         lam, X = refine(K, M, lam, X)
     order = np.argsort(lam, kind="stable")
     return lam[order], X[:, order], N
+
+
+def _not_resisted(K: Array, X: Array, rounding: float) -> str:
+    """Reason why K is not positive definite on shapes (m, p): a free motion, lost digits or a wrong sign."""
+    energy = _symmetric(X.T @ K @ X)
+    size = np.sqrt(np.where(energy.diagonal() != 0, abs(energy.diagonal()), 1.0))
+    softest = X @ (la.eigh(energy / np.outer(size, size))[1][:, 0] / size)
+    share = float(softest @ K @ softest) / (float(energy_parts(K, softest[:, None])[0]) or 1.0)
+    if share < -_limit(rounding):
+        return (
+            f"the stiffness is not positive semidefinite: a motion has {share:.1e} times the strain energy of its parts"
+        )
+    return (
+        "the stiffness resists a motion beyond the rigid-body modes less than the rounding of its entries "
+        f"({rounding:.1e}) shows: the body has a mechanism, or a spring too soft to be told from rounding beside its "
+        "stiff parts. Write the matrices with more digits, or make the spring a joint of the scene"
+    )
 
 
 def split_massless(K: Array, M: Array, rounding: float = 2.0**-53) -> tuple[Array, Array, Array]:

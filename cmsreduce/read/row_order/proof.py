@@ -43,6 +43,8 @@ class RowOrderProof:
         Errors of K that explain the forces, as in ``FEModel``; 0 without a proof.
     exact : bool
         True if all six motions vanish with the coordinates as they are, whatever their digits.
+    xyz_rounding : float
+        Error of the coordinates, beyond the digits that they show, that explains the forces; 0 without a proof.
     """
 
     status: str
@@ -53,12 +55,16 @@ class RowOrderProof:
     rounding: float = 0.0
     noise: float = 0.0
     exact: bool = False
+    xyz_rounding: float = 0.0
 
     def estimated(self, body: FEModel) -> FEModel:
         """The body with the errors of K and of the coordinates that the proof found."""
         found = (max(body.rounding, self.rounding), max(body.noise, self.noise))
         if self.exact and body.nodes is not None and (body.nodes.xyz_rounding or body.nodes.frame_rounding):
             body = replace(body, nodes=replace(body.nodes, xyz_rounding=0.0, frame_rounding=0.0))
+        elif self.xyz_rounding and body.nodes is not None:
+            off = max(self.xyz_rounding, body.nodes.xyz_rounding)
+            body = replace(body, nodes=replace(body.nodes, xyz_rounding=off))
         return body if found == (body.rounding, body.noise) else replace(body, rounding=found[0], noise=found[1])
 
 
@@ -128,7 +134,8 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
             )
         _check_mass_is_no_stiffness(body)
         residual, tolerance = float(found.relative[row]), float(found.allowed[row])
-        return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise, found.exact)
+        errors = (found.rounding, found.noise, found.exact, found.xyz_rounding)
+        return RowOrderProof("proven", motions, residual, tolerance, "", *errors)
     nodes, share = _loaded_nodes(body, found)
     failure = Failure(body, body.nodes, found, condensed, nodes)
     if (mistaken := mistaken_matrices(failure)) is not None:

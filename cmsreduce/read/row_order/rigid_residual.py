@@ -25,6 +25,9 @@ _COORDINATES = 2.0
 _MARGIN = 2.0
 # Kinds of errors of K: relative to its entries, or to sqrt(K_ii K_jj).
 _CANCELLED = 1
+# Places this near to each other, relative to the radius of gyration of the nodes, are those of one mesh, whatever
+# digits a deck shows: one that was converted to other units prints more digits than its numbers hold.
+_SAME_PLACES = 1e-9
 # A body without constraints has these motions, translations first.
 _ALL = 6
 # Singular values of the motions of constrained dofs below this are round-off of printed coordinates.
@@ -57,6 +60,8 @@ class RigidResidual:
         Errors of K that explain the forces, as in ``FEModel``: at least the rounding that was given.
     exact : bool
         True if the forces of all six motions vanish with the coordinates as they are, whatever their digits.
+    xyz_rounding : float
+        Error of the coordinates that explains the forces of rotations, beyond the digits that they show.
     """
 
     motions: Array
@@ -70,6 +75,7 @@ class RigidResidual:
     rounding: float = 0.0
     noise: float = 0.0
     exact: bool = False
+    xyz_rounding: float = 0.0
 
     @property
     def vanishes(self) -> bool:
@@ -142,6 +148,10 @@ def rigid_residual(
         limits.append((known * scale, _CANCELLED))
     if not exact and (nodes.xyz_rounding or nodes.frame_rounding):
         explained += moved(nodes.xyz_rounding, nodes.frame_rounding)
+    off = 0.0
+    if not exact and motions.shape[1] == _ALL and not over[:, shown].any():
+        off = _off_the_mesh(np.maximum(at - explained, 0.0), moved(1.0, 0.0), _SAME_PLACES * length)
+        explained += moved(off, 0.0)
     allowed, rounding, found = _explained(at, explained, sizes, limits, rounding)
     excess = np.divide(at, allowed, out=np.where(at > 0, np.inf, 0.0), where=allowed > 0)
     rows, worst = np.arange(len(dofs)), excess.argmax(axis=1)
@@ -150,7 +160,14 @@ def rigid_residual(
     relative = np.divide(at, scale, out=np.zeros_like(at), where=scale > 0)
     tolerance = np.divide(allowed, scale, out=np.zeros_like(at), where=scale > 0)
     worst_of_row = (excess[rows, worst], relative[rows, worst], tolerance[rows, worst])
-    return RigidResidual(motions, length, centre, shapes, force, *worst_of_row, rounding, max(noise, found), exact)
+    noise = max(noise, found)
+    return RigidResidual(motions, length, centre, shapes, force, *worst_of_row, rounding, noise, exact, off)
+
+
+def _off_the_mesh(over: Array, of_one: Array, limit: float) -> float:
+    """Error of the coordinates that explains forces, from those of an error of one; 0 if it is beyond a limit."""
+    error = _MARGIN * float(np.divide(over, of_one, out=np.where(over > 0, np.inf, 0.0), where=of_one > 0).max())
+    return error if error <= limit else 0.0
 
 
 def _noise(

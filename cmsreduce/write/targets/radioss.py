@@ -49,10 +49,11 @@ def write_radioss(path: Path, component: ComponentFile) -> None:
 def left_out(component: ComponentFile) -> str:
     """Modes that the file has no place for, in words."""
     omega = framed_superelement(component).omega
-    lowest = f"of {omega.size} modes with the interfaces held, the lowest at {omega.min() / (2 * np.pi):.6g} Hz, and "
-    return f"{component.name}: the file has the mass of the interface's static shapes; it leaves out the inertia " + (
-        f"{lowest if omega.size else ''}the damping"
-    )
+    modes = ""
+    if omega.size:
+        lowest = f"the lowest at {omega.min() / (2 * np.pi):.6g} Hz"
+        modes = f"inertia of {omega.size} modes with the interfaces held, {lowest}, and the "
+    return f"{component.name}: the file has the mass of the interface's static shapes; it leaves out the {modes}damping"
 
 
 def _lines(component: ComponentFile, body: Superelement) -> Iterator[str]:

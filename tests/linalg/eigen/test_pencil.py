@@ -119,6 +119,17 @@ def test_a_mechanism_beyond_the_rigid_modes_is_refused():
         elastic_pairs(np.diag([1.0, 0.0, 2.0]), np.eye(3), NONE)
 
 
+def test_a_spring_lost_in_the_digits_of_a_file_is_no_wrong_sign():
+    """A sloshing mass on 1e-4 N/m beside 1e8 N/m, of which ten digits are written, and a stiffness that pushes."""
+    K = np.array([[1e8, -1e8, 0.0], [-1e8, 1e8 + 1e-4, -1e-4], [0.0, -1e-4, 1e-4]])
+    printed = K - np.diag([0.0, 3e-3, 0.0])
+    rigid = np.ones((3, 1)) / np.sqrt(3)
+    with pytest.raises(MatrixError, match=r"5.0e-11.*mechanism, or a spring too soft"):
+        elastic_pairs(printed, np.eye(3), rigid, 5e-11)
+    with pytest.raises(MatrixError, match="not positive semidefinite"):
+        elastic_pairs(np.diag([1.0, -0.1, 2.0]), np.eye(3), NONE)
+
+
 def test_an_empty_pencil_has_no_modes():
     lam, X = elastic_pairs(np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)))
     assert (lam.size, X.shape) == (0, (0, 0))

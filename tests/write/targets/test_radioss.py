@@ -93,3 +93,9 @@ def test_one_node_has_no_shape(tmp_path: Path) -> None:
     with pytest.raises(WriteError, match="give the body a second interface"):
         convert(component(tmp_path, body(left=1)), tmp_path / "bent_fxb.pch")
     assert not (tmp_path / "bent_fxb.pch").exists()
+
+
+def test_a_body_of_interface_nodes_alone_leaves_out_no_modes(tmp_path: Path) -> None:
+    whole = component(tmp_path, frame("bent", XYZ[:2], BARS[:1], {"left": 1, "right": 2}))
+    (path,) = convert(whole, tmp_path / "bent_fxb.pch")
+    assert "it leaves out the damping" in path.read_text() and set(read(path)) == {"KAAX", "MAAX"}
