@@ -166,6 +166,15 @@ def turned():
     return deck
 
 
+def weighted():
+    """A mass on a node of a shell, which keeps the rows of that node, and a spring between two others."""
+    deck = Deck().plate("S8R", (4, 2), (0, 0, 0), (1, 0, 0), (0, 0.4, 0))
+    corner, near, far = (deck.node(place) for place in ((1, 0.4, 0), (0.5, 0, 0), (0.5, 0.4, 0)))
+    deck.keywords += f"*ELEMENT, TYPE=MASS, ELSET=LUMP\n9001, {corner}\n*MASS, ELSET=LUMP\n0.7\n"
+    deck.keywords += f"*ELEMENT, TYPE=SPRINGA, ELSET=TIES\n9002, {near}, {far}\n*SPRING, ELSET=TIES\n\n1.e5\n"
+    return deck
+
+
 def stiffened(kind):
     """A solid with a membrane on a side, or a truss across it: both are ties of their nodes."""
     deck = Deck().solid("C3D8", (4, 2, 2), (1, 0.1, 0.15))
@@ -197,6 +206,7 @@ BODIES = {
     "pipe B32R": lambda: Deck("PIPE\n0.02, 0.003").beam("B32R", 5, arc),
     "box B32R": lambda: Deck("BOX\n0.03, 0.05, 0.003, 0.003, 0.004, 0.004").beam("B32R", 5, arc),
     "turned axes": turned,
+    "S8R with mass and spring": weighted,
     "bent B32R": lambda: Deck().beam("B32R", 6, bent),
     "mixed": mixed,
     "rigid": lambda: rigid("C3D8", turns=True),

@@ -18,6 +18,8 @@ _SYSTEMS = ("m-kg-s", "mm-t-s", "in-slinch-s", "mm-kg-ms", "mm-g-ms", "mm-kg-s",
 # Osmium has 22 590 kg/m^3, foam 10; no solid is lighter than 1, which is an aerogel. A body of lumps may be slow, but
 # nothing is faster than diamond: 18 000 m/s; structural materials end with beryllium, 13 000 m/s.
 _LIGHTEST, _HEAVIEST, _FASTEST = 1.0, 23_000.0, 14_000.0
+# Rigid bodies in a mesh, which no stretch deforms, strain what is next to them: a speed may seem so much larger.
+_STRAINED = 10.0
 # A density or a speed that a unit system must give to be proposed in place of another.
 _USUAL_DENSITY, _USUAL_SPEED = (20.0, 23_000.0), (50.0, 14_000.0)
 # Corners of tetrahedra that fill a cell.
@@ -39,7 +41,8 @@ class Material:
         Total mass.
     speed : float
         Speed of waves: sqrt(u K u / m) of a unit stretch u, the largest of three directions. In a solid block it is
-        exactly sqrt((lambda + 2 mu) / rho); bars and lumps make it smaller, never larger.
+        exactly sqrt((lambda + 2 mu) / rho); bars and lumps make it smaller, rigid bodies in the mesh larger. 0 of a
+        body that is held, whose supports no stretch moves.
     density : float, optional
         Mass by volume of the solid elements; None without any.
     """
@@ -51,8 +54,8 @@ class Material:
     def in_words(self, units: Units) -> str:
         """Speed and density as numbers of m, kg and s."""
         speed, density = self.in_si(units)
-        said = f"waves of {speed:.3g} m/s"
-        return said if density is None else f"{density:.3g} kg/m^3 and {said}"
+        said = [] if density is None else [f"{density:.3g} kg/m^3"]
+        return " and ".join([*said, *([f"waves of {speed:.3g} m/s"] if speed else [])])
 
     def in_si(self, units: Units) -> tuple[float, float | None]:
         """Speed in m/s and density in kg/m^3."""
@@ -61,7 +64,7 @@ class Material:
 
 
 def material_of(body: FEModel, cells: Mapping[str, NDArray[np.int64]]) -> Material | None:
-    """Figures of the material of a body that floats; None if it is held, condensed, or has no geometry.
+    """Figures of a body's material; None if it is condensed, has no geometry, or is held and has no solid elements.
 
     Parameters
     ----------
@@ -74,16 +77,19 @@ def material_of(body: FEModel, cells: Mapping[str, NDArray[np.int64]]) -> Materi
         return None
     R = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
     mass = np.einsum("ij,ij->j", R, body.M @ R)
-    if quiet_share(body.K, R) < 1 or mass.max(initial=0.0) <= 0:
+    if mass.max(initial=0.0) <= 0:
         return None
+    volume = _volume(body, cells)
+    density = float(mass.max()) / volume if volume > 0 else None
+    if quiet_share(body.K, R) < 1:
+        return None if density is None else Material(float(mass.max()), 0.0, density)
     at = np.zeros((body.n, 3))
     moving = np.flatnonzero(body.dofs.component > 0)
     at[moving] = body.nodes.xyz[body.nodes.index(body.dofs.node[moving])] - body.nodes.xyz.mean(axis=0)
     stretch = R * at
     energy = np.einsum("ij,ij->j", stretch, body.K @ stretch)
     speed = float(np.sqrt(max(energy.max(initial=0.0), 0.0) / mass.max()))
-    volume = _volume(body, cells)
-    return Material(float(mass.max()), speed, float(mass.max()) / volume if volume > 0 else None)
+    return Material(float(mass.max()), speed, density)
 
 
 def plausible_units(material: Material) -> tuple[Units | None, str]:
@@ -100,11 +106,13 @@ def plausible_units(material: Material) -> tuple[Units | None, str]:
     wrong = speed > _FASTEST or (density is not None and not _LIGHTEST <= density <= _HEAVIEST)
     if not wrong:
         return SI, ""
-    for name in _SYSTEMS[1:]:
-        units = Units.parse(name)
-        speed, density = material.in_si(units)
-        usual = density is None or _USUAL_DENSITY[0] <= density <= _USUAL_DENSITY[1]
-        if usual and _USUAL_SPEED[0] <= speed <= _USUAL_SPEED[1]:
+    for margin in (1.0, _STRAINED):
+        for name in _SYSTEMS:
+            units = Units.parse(name)
+            if not _usual(material, units, margin):
+                continue
+            if units == SI:
+                return SI, ""
             reason = f"in m-kg-s no material has {material.in_words(SI)}; in {name} it has {material.in_words(units)}"
             return units, reason
     reason = (
@@ -112,6 +120,12 @@ def plausible_units(material: Material) -> tuple[Units | None, str]:
         "coordinates are in units that do not belong together"
     )
     return None, reason
+
+
+def _usual(material: Material, units: Units, margin: float) -> bool:
+    speed, density = material.in_si(units)
+    dense = density is None or _USUAL_DENSITY[0] <= density <= _USUAL_DENSITY[1]
+    return dense and (not speed or _USUAL_SPEED[0] <= speed <= margin * _USUAL_SPEED[1])
 
 
 def _volume(body: FEModel, cells: Mapping[str, NDArray[np.int64]]) -> float:

@@ -71,6 +71,8 @@ _INPUT_CELLS = {
     "B32": ("line", 3),
     "T3D3": ("line", 3),
 }
+# Masses, springs and dampers by the start of their name, with their nodes: CalculiX leaves a row to each.
+_POINT_ELEMENTS = {"MASS": 1, "SPRING1": 1, "SPRING2": 2, "SPRINGA": 2, "DASHPOTA": 2}
 
 
 def _read_frd(path: Path) -> Geometry:
@@ -181,7 +183,7 @@ def _read_input(path: Path) -> Geometry:
 
 def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: float) -> Geometry:
     """Geometry of the nodes of a deck: its sets and supports, and the nodes that CalculiX makes of shells and beams."""
-    sets = deck_sets(deck, {name: count for name, (_, count) in _INPUT_CELLS.items()})
+    sets = deck_sets(deck, {name: count for name, (_, count) in _INPUT_CELLS.items()} | _POINT_ELEMENTS)
     turning = rotation_nodes(deck, sets, max(nodes))
     held = supports(deck, sets, turning)
     expansion = expansion_beside(path)

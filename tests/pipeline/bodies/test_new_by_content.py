@@ -17,8 +17,9 @@ import cmsreduce as cms
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import DofMapError, MatrixError, ReadError
-from cmsreduce.model import DofTable, FEModel, Nodes
+from cmsreduce.model import DofTable, FEModel, Nodes, Units, in_units
 from cmsreduce.pipeline.bodies import draft_body, draft_pipeline
+from cmsreduce.pipeline.bodies.plausible_units import Material, material_of, plausible_units
 from cmsreduce.pipeline.bodies.proposed_interfaces import proposed_interfaces
 from tests.pipeline.study import arm, panel, system_frequencies, write_body
 from tests.solids import block, face
@@ -155,6 +156,24 @@ def test_units_that_do_not_belong_together_are_said(files: list[Path], plate: tu
     np.savez("4", x=plate[2], y=1e-6 * plate[3])
     draft = draft_body("plate", [Path("4.npz"), Path("2")])
     assert draft.units == "" and "units that do not belong together" in draft.units_remark
+
+
+def test_units_of_a_held_body_follow_from_its_density() -> None:
+    """In mm and t, with springs to the ground at four nodes, which no stretch leaves alone."""
+    body = in_units(block("brick", [0.3, 0.2, 0.1], [1, 1, 1]), Units.parse("mm-t-s"))
+    ground = np.where(body.dofs.node <= 4, 1e7, 0.0)
+    held = replace(body, K=sp.csc_array(body.K + sp.diags_array(ground)))
+    hexahedra = {"hexahedron": np.array([[1, 5, 7, 3, 2, 6, 8, 4]])}
+    found, free = material_of(held, hexahedra), material_of(body, hexahedra)
+    assert found is not None and free is not None and free.speed > 0 == found.speed
+    units, reason = plausible_units(found)
+    assert units == Units.parse("mm-t-s") and "waves" not in reason
+    assert material_of(held, {}) is None
+
+
+def test_rigid_bodies_in_a_mesh_may_seem_to_carry_fast_waves() -> None:
+    assert plausible_units(Material(1.0, 2.9e7))[0] == Units.parse("mm-t-s")
+    assert plausible_units(Material(1.0, 2.9e9))[0] is None
 
 
 def test_exchanged_matrices_are_said(files: list[Path], plate: tuple[np.ndarray, ...]) -> None:
