@@ -152,8 +152,8 @@ def _check_six(body: FEModel, rigid_count: int) -> None:
         )
     if rigid_count < _SIX:
         raise FloatingFrameError(
-            f"{what} needs six rigid motions, and this body has {rigid_count}: it is held to the ground. Its modes "
-            "contain no other rigid motion; take `write.frame` out for it"
+            f"{what} needs six rigid motions, and this body has {rigid_count}: it is held to the ground, or moves in "
+            "a plane. Its modes contain no other rigid motion; take `write.frame` out for it"
         )
 
 

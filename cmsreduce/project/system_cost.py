@@ -142,7 +142,10 @@ def largest_shares(costs: Sequence[Shares], body: str, groups: Sequence[NDArray[
 def _stable_motions(system: System) -> tuple[Array, Array, Array, Array]:
     """Elastic frequencies (e,) in rad/s, modes (N, e), damped rigid motions (N, b), damping of both (e + b, e + b)."""
     if system.loss is not None:
-        raise MatrixError("structural damping is a complex stiffness, under which white noise has no state space")
+        raise MatrixError(
+            "the ranking by system cost needs a state space, and structural damping, a complex stiffness, has none: "
+            "choose `rank: gregory` or `rank: frequency`, or give the bodies modal damping"
+        )
     K, M, rigid = dense(system.K), dense(system.M), system.rigid
     D = np.zeros_like(K) if system.D is None else dense(system.D)
     turning, size = abs((D - D.T) @ rigid).max(initial=0.0), abs(D).max(initial=0.0) * abs(rigid).max(initial=0.0)

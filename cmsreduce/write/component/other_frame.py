@@ -176,7 +176,9 @@ def _interface_motion(
 
 def _check_free(component: ComponentFile, condition: FrameCondition) -> None:
     if component.rigid_count != _SIX:
-        held = "it is held to the ground" if component.rigid_count < _SIX else "it holds a mechanism"
+        held = (
+            "it is held to the ground, or moves in a plane" if component.rigid_count < _SIX else "it holds a mechanism"
+        )
         raise WriteError(
             f"component '{component.name}': a frame by {condition} needs six rigid motions, and this body has "
             f"{component.rigid_count}: {held}. Give the matrices of the free body"
