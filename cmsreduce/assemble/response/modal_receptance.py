@@ -109,11 +109,11 @@ class ModalReceptance:
         -------
         H : (g, outputs, inputs) complex128
         """
-        points = np.arange(self.omega.size) if at is None else at
+        count = self.omega.size if at is None else at.size
         U = self._joints(kept)
-        H = np.empty((points.size, self._rows.outputs, self._rows.right.shape[0] - self._rows.c), dtype=np.complex128)
-        for part, part_points in self._blocks(points):
-            AYA, AYB, CYA, CYB = self._joined(kept, U, part_points)
+        H = np.empty((count, self._rows.outputs, self._rows.right.shape[0] - self._rows.c), dtype=np.complex128)
+        for part in self._blocks(count):
+            AYA, AYB, CYA, CYB = self._joined(kept, U, part if at is None else at[part])
             H[part] = CYB - CYA @ np.linalg.solve(AYA, AYB) if U.shape[0] else CYB
         return H
 
@@ -154,7 +154,9 @@ class ModalReceptance:
         alpha, gamma, beta = U @ terms.left[: self._rows.c], terms.left[self._rows.c :], terms.right[self._rows.c :]
         coupled = np.flatnonzero(known & (sort == _COUPLED))
         columns = alpha.shape[1] + sum(changes[int(k)][1].size for k in coupled)
-        for part, points in self._blocks(at, (3 + inputs) * columns * (self._rows.c + self._rows.outputs) + columns**2):
+        more = (3 + inputs) * columns * (self._rows.c + self._rows.outputs) + columns**2
+        for part in self._blocks(at.size, more):
+            points = at[part]
             AYA, AYB, CYA, CYB = self._joined(kept, U, points)
             S = np.linalg.inv(AYA)
             H[part] = CYB - CYA @ (S @ AYB)
@@ -162,12 +164,12 @@ class ModalReceptance:
             P = self._rows.measured(np.broadcast_to(gamma, (points.size, *gamma.shape)), self.omega[points]) - CYA @ Sv
             Q = beta - AYB.transpose(0, 2, 1) @ Sv
             terms.update(dH, known, part, 1 / terms.weights(points), alpha, Sv, P, Q)
-            for more in CoupledTerms.of(self._coupled, changes, coupled, present, self.omega[points]):
-                own = U @ more.left[:, : self._rows.c]
+            for cluster in CoupledTerms.of(self._coupled, changes, coupled, present, self.omega[points]):
+                own = U @ cluster.left[:, : self._rows.c]
                 Sv = S @ own
-                P = self._rows.measured(more.left[:, self._rows.c :], self.omega[points]) - CYA @ Sv
-                Q = more.right[:, self._rows.c :] - AYB.transpose(0, 2, 1) @ Sv
-                more.update(dH, known, part, own, Sv, P, Q)
+                P = self._rows.measured(cluster.left[:, self._rows.c :], self.omega[points]) - CYA @ Sv
+                Q = cluster.right[:, self._rows.c :] - AYB.transpose(0, 2, 1) @ Sv
+                cluster.update(dH, known, part, own, Sv, P, Q)
         dH[..., ~known] = np.nan
         return H, dH, known
 
@@ -195,7 +197,8 @@ class ModalReceptance:
         U = self._joints(kept)
         alpha, gamma, beta = U @ terms.left[:c], terms.left[c:], terms.right[c:]
         H = np.empty((at.size, self._rows.outputs, beta.shape[0], len(sets)), dtype=np.complex128)
-        for part, points in self._blocks(at, H[0].size + used.size**2 + 8 * sets.size):
+        for part in self._blocks(at.size, H[0].size + used.size**2 + 8 * sets.size):
+            points = at[part]
             AYA, AYB, CYA, CYB = self._joined(kept, U, points)
             S = np.linalg.inv(AYA)
             Sv = _times(S, alpha)
@@ -215,11 +218,10 @@ class ModalReceptance:
             return np.zeros(len(changes), dtype=bool)
         return np.array([columns.size == 1 and self._sort(body, columns, {}) == _SINGLE for body, columns in changes])
 
-    def _blocks(self, points: Indices, more: int = 0) -> Iterator[tuple[slice, Indices]]:
+    def _blocks(self, count: int, more: int = 0) -> Iterator[slice]:
         entries = 3 * self._rows.left.shape[0] * self._rows.right.shape[0] + more
         entries += sum(3 * cluster.size**2 for body in self._coupled.values() for cluster in body.clusters)
-        for part in frequency_blocks(points.size, 16 * entries, _BLOCK_BYTES):
-            yield part, points[part]
+        return frequency_blocks(count, 16 * entries, _BLOCK_BYTES)
 
     def _updatable(self, U: Real) -> bool:
         """True if updates give the effects of changes: none makes joints independent that the modes kept do not.
@@ -264,9 +266,9 @@ class ModalReceptance:
         alike = present[body][columns]
         return _COUPLED if np.isin(columns, clusters[0]).all() and alike.all() == alike.any() else _MIXED
 
-    def _joined(self, kept: Kept, U: Real, points: Indices) -> tuple[Complex, Complex, Complex, Complex]:
+    def _joined(self, kept: Kept, U: Real, points: Indices | slice) -> tuple[Complex, Complex, Complex, Complex]:
         """Flexibilities between joint forces and inputs, and joint motions and outputs, at some frequencies."""
-        last = self._base[..., points]
+        last = self._base[..., points].copy() if isinstance(points, slice) else self._base.take(points, axis=-1)
         presence = {name: self._present(name, kept) for name in self._tables}
         for name, table in self._tables.items():
             add_terms(last, table, self._single(name, presence[name] & ~self._always[name]), points)

@@ -24,6 +24,8 @@ Points = NDArray[np.int64]
 
 RESPONSE_LIMITS = ("frf_error", "channel_error", "db_error")
 """Limits that the response on a fixed grid decides; others need the modes of the reduced system."""
+# Configurations in which effects are predicted: those with the largest errors now, or those that refused a set last.
+_PREDICTED = 6
 
 
 class Candidates:
@@ -212,7 +214,7 @@ class Candidates:
         last, found = self._last
         if all(name in last and np.array_equal(last[name], own) for name, own in selection.items()):
             measured = [(trial, H) for _, trial, H in found]
-        return Effects([trial.changed(selection, changes, H) for trial, H in measured])
+        return Effects([trial.changed(selection, changes, H) for trial, H in measured[:_PREDICTED]])
 
 
 def system_errors(
