@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, PlainSerializer, Strict, WithJsonSchema, model_validator
 
 from cmsreduce.config.keys.channels import ChannelSize
-from cmsreduce.config.keys.keep import KeepKeys
+from cmsreduce.config.keys.keep import STATES, KeepKeys
 from cmsreduce.config.keys.mapping import Flag, Frequency, Keys, Number, Plain, exactly_one, refused, reported
 from cmsreduce.config.keys.quantities import Quantity, parse_quantity
 from cmsreduce.config.keys.scene import Band
@@ -27,7 +27,12 @@ __all__ = [
 
 Rank = Annotated[
     Literal["gregory", "hankel", "component-cost", "modal-gain", "frequency", "system-cost", "closed-loop"],
-    refused({"peak-amplitude": "is no longer a ranking: write gregory, which gives the same order"}),
+    refused(
+        {
+            "peak-amplitude": "is no longer a ranking: write gregory, which gives the same order",
+            "moore": f"ranks states, not modes. {STATES}",
+        }
+    ),
 ]
 SYSTEM_COST = "system-cost"
 """A ranking of the assembled system: coefficients compare modes of different bodies."""

@@ -21,7 +21,13 @@ from pydantic_core import CoreSchema
 
 from cmsreduce.config.keys.mapping import Count, Keys, Name, Positive
 
-__all__ = ["KeepKeys"]
+__all__ = ["STATES", "KeepKeys"]
+
+STATES = (
+    "A body cut to balanced states has no mass and no stiffness: `rank: hankel` orders its modes by Hankel values, and "
+    "`write: {formats: [hdf5, matlab], balanced_states: 12}` writes the first balanced states of the assembled system"
+)
+"""Reason why balanced states cannot be kept, and the next step."""
 
 KeepRule = Literal["all", "modes", "total", "fraction", "frf_error", "bound", "limits", "numbers"]
 _KEEP_RULES: tuple[KeepRule, ...] = ("modes", "total", "fraction", "bound", "frf_error", "limits", "numbers")
@@ -160,6 +166,8 @@ class KeepKeys(Keys):
                 f"`all`, `limits` or a mapping is expected, e.g. {{modes: 20}} or {{frf_error: 0.01}}: found {value!r}"
             )
         if isinstance(value, dict):
+            if isinstance(value.get("states"), dict):
+                raise ValueError(f"modes are kept, not states. {STATES}")
             listed = {key: each for key, each in value.items() if key not in cls.alternatives and _is_listed(each)}
             if listed:
                 return {**{key: each for key, each in value.items() if key not in listed}, "numbers": listed}

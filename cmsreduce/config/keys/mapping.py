@@ -149,7 +149,7 @@ def reported(function: Callable[[Any], _T]) -> Callable[[Any], _T]:
 
 
 def refused(words: Mapping[str, str]) -> BeforeValidator:
-    """Refuse words of earlier versions, each with the reason and what to write instead."""
+    """Refuse words, such as those of earlier versions, each with the reason and what to write instead."""
 
     def refuse(value: object) -> object:
         if isinstance(value, str) and value in words:

@@ -108,6 +108,8 @@ def test_clusters(written, correlation):
         ({"keep": {"total": 5, "modes": 3}, "rank": "system-cost"}, "modes and total are different rules"),
         ({"rank": "hankels"}, "hankel"),
         ({"rank": "peak-amplitude"}, "write gregory, which gives the same order"),
+        ({"rank": "moore"}, "ranks states, not modes. A body cut to balanced states has no mass"),
+        ({"keep": {"states": {"rotor": [1, 2]}}}, "modes are kept, not states.*balanced_states: 12"),
     ],
 )
 def test_mistakes(keys, words):
