@@ -4,8 +4,6 @@
     python benchmarks/smallest_model.py --range            Galileo's search at 100 random angles of its whole range
     python benchmarks/smallest_model.py --range 3          the shapes that the tests hold at 300 random angles
     python benchmarks/smallest_model.py --certificates     certificates of 1000 random systems
-    python benchmarks/smallest_model.py --visible station  modes of the system that no model within the limits can miss
-    python benchmarks/smallest_model.py --shapes station 26 30   errors of so many scene shapes, at their best
     python benchmarks/smallest_model.py --search galileo   the search for modes: modes, sets tried, CPU seconds
     python benchmarks/smallest_model.py --greedy           the search against a greedy one of the tests, in minutes
     python benchmarks/smallest_model.py --growing          the search for modes at 4 to 32 angles of Galileo
@@ -34,7 +32,6 @@ from cmsreduce.pipeline import Run, Silent  # noqa: E402
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange  # noqa: E402
 from cmsreduce.project import ESTIMATE_FACTOR, keep_combinations, response_certificates, richer_shapes  # noqa: E402
 from cmsreduce.report.pictures.figure import drawn, legend_above, plain_axes  # noqa: E402
-from cmsreduce.verify import db_errors, decibel_grid, frf_error  # noqa: E402
 from tests.pipeline.greedy import Greedy  # noqa: E402
 from tests.project.scene_systems import random_scene, random_shapes, whole_responses  # noqa: E402
 from tests.two_beams import write_two_beams  # noqa: E402
@@ -232,42 +229,6 @@ def against_greedy(write: bool) -> None:
         put("greedy", lines)
 
 
-def visible(system: str) -> None:
-    """Modes of the assembled system whose motion breaks a limit if it alone is left out of the response.
-
-    The assembled system has as many elastic modes as the bodies have elastic shapes. A model within the limits needs a
-    resonance for every one that shows: their number is what no basis falls far below, whatever its shapes.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        run = opened(system, Path(folder))
-        model, omega, (frf, decibel) = run.joined(run.ranked).assembled, decibel_grid(run.scene.band), LIMITS[system]
-        for configuration in run.scene.configurations:
-            target, at = run.comparison.target(configuration, omega), model.system(configuration)
-            w, Phi, _ = model.every_mode(configuration)
-            damping = np.zeros(w.size) if at.D is None else np.einsum("ij,ij->j", Phi, at.D @ Phi)
-            C = at.C1 @ Phi + 1j * omega[:, None, None] * (at.C2 @ Phi)
-            moving = 1 / (w**2 - omega[:, None] ** 2 + 1j * omega[:, None] * damping) - 1 / w**2
-            H, needed = target.elastic + target.rigid, 0
-            for k, load in enumerate(Phi.T @ at.B):
-                part = C[:, :, [k]] * moving[:, [k], None] * load
-                worst = np.nanmax(db_errors(H, H - part, target.row, target.column)) / decibel
-                error = frf_error(omega, target.elastic, target.elastic - part, target.row, target.column)
-                needed += max(float(worst), error / frf) > 1
-            inside = int(np.count_nonzero(w <= 2 * np.pi * run.scene.band[1]))
-            print(f"{system}, {configuration.name}: {needed} modes break a limit alone; {inside} lie in the band")
-
-
-def sized(system: str, sizes: list[str]) -> None:
-    """Errors of stated numbers of scene shapes, optimised for both limits."""
-    for size in sizes:
-        with tempfile.TemporaryDirectory() as folder:
-            run = opened(system, Path(folder), f"project={{responses: {size}, between: false}}")
-            found = run.comparison.at(run.scene.configurations, {"reduced": run.model})
-            errors = [each.errors["reduced"] for each in found]
-            frf, decibel = max(e.frf_error for e in errors), max(e.db_error for e in errors)
-        print(f"{system}, {size} scene shapes: worst frf_error {frf:.2%}, worst db_error {decibel:.2f} dB", flush=True)
-
-
 def certificates() -> None:
     """Errors over their estimates and bounds in random systems."""
     rng = np.random.default_rng(2026)
@@ -295,10 +256,6 @@ if __name__ == "__main__":
         whole_range([each for each in arguments if "=" in each])
     elif "--certificates" in arguments:
         certificates()
-    elif "--visible" in arguments:
-        visible(arguments[-1])
-    elif "--shapes" in arguments:
-        sized(arguments[1], arguments[2:])
     elif "--greedy" in arguments:
         against_greedy("--write" in arguments)
     elif "--growing" in arguments:
