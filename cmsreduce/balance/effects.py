@@ -83,7 +83,7 @@ class ChangedResponse:
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """Effects of changes to a set of modes on the measure of a model, over all configurations.
+    """Effects of changes to a set of modes on the measure of a model, over the configurations that are looked at.
 
     Parameters
     ----------

@@ -209,7 +209,7 @@ class Candidates:
         return Finding("static_lack", found.get(worst, 0.0), self.limits["static_lack"], worst)
 
     def effects(self, selection: Selection, changes: Sequence[Change]) -> Effects:
-        """Effects of adding columns that are left out, and of removing columns that are kept."""
+        """Effects of adding columns, and of removing columns that are kept, where the errors are largest."""
         measured: list[tuple[Trial, Complex | None]] = [(trial, None) for trial in self._order]
         last, found = self._last
         if all(name in last and np.array_equal(last[name], own) for name, own in selection.items()):
