@@ -15,7 +15,15 @@ from cmsreduce.linalg.blocks.basis import (
     row_blocks,
     side_by_side,
 )
-from cmsreduce.linalg.blocks.products import Product, column_blocks, congruence, one_norm, symmetric_product
+from cmsreduce.linalg.blocks.products import (
+    Product,
+    absolute,
+    column_blocks,
+    congruence,
+    one_norm,
+    rows_of,
+    symmetric_product,
+)
 from cmsreduce.linalg.blocks.tall_blocks import (
     by_columns,
     by_rows,
@@ -32,6 +40,7 @@ from cmsreduce.linalg.blocks.tall_blocks import (
 __all__ = [
     "Product",
     "SearchSpace",
+    "absolute",
     "absolute_parts",
     "by_columns",
     "by_rows",
@@ -51,6 +60,7 @@ __all__ = [
     "outgrows",
     "put",
     "row_blocks",
+    "rows_of",
     "side_by_side",
     "symmetric_product",
     "times",

@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.machine import SparseMatrix, current_settings, mkl_library
 
-__all__ = ["Product", "column_blocks", "congruence", "mkl_product", "one_norm", "symmetric_product"]
+__all__ = [
+    "Product",
+    "absolute",
+    "column_blocks",
+    "congruence",
+    "mkl_product",
+    "one_norm",
+    "rows_of",
+    "symmetric_product",
+]
 
 Array = NDArray[np.float64]
 
@@ -88,11 +97,11 @@ def _scipy_product(columns: sp.csc_array) -> Product:
     """Product by scipy's routines; each thread has its own rows."""
     n, threads = columns.shape[0], current_settings().thread_count
     if columns.nnz < _FEW_FOR_THREADS:
-        rows = _rows(columns, 0, n)
+        rows = rows_of(columns, 0, n)
         return lambda X: np.asarray(rows @ np.ascontiguousarray(X))
     cuts = np.searchsorted(columns.indptr, np.linspace(0, columns.nnz, threads + 1)[1:-1])
     ends = [0, *(int(cut) for cut in cuts), n]
-    parts = [_rows(columns, start, stop) for start, stop in pairwise(ends)]
+    parts = [rows_of(columns, start, stop) for start, stop in pairwise(ends)]
 
     def product(X: Array) -> Array:
         X = np.ascontiguousarray(X)
@@ -102,7 +111,12 @@ def _scipy_product(columns: sp.csc_array) -> Product:
     return product
 
 
-def _rows(A: sp.csc_array, start: int, stop: int) -> sp.csr_array:
+def absolute(A: sp.csc_array) -> sp.csc_array:
+    """Absolute values of the entries, on the pattern of the matrix itself."""
+    return sp.csc_array((np.abs(A.data), A.indices, A.indptr), shape=A.shape)
+
+
+def rows_of(A: sp.csc_array, start: int, stop: int) -> sp.csr_array:
     """Some rows of a symmetric matrix, without a copy of its entries."""
     own = slice(A.indptr[start], A.indptr[stop])
     indptr = A.indptr[start : stop + 1] - A.indptr[start]

@@ -8,7 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import row_blocks
+from cmsreduce.linalg.blocks import rows_of
+from cmsreduce.linalg.machine import share_rows
 from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, InterfaceLast, held_factor
 
 Array = NDArray[np.float64]
@@ -16,6 +17,8 @@ Array = NDArray[np.float64]
 # Corrections of a free motion by residuals in long double; each gains the digits that one factor gives. Where the next
 # one, which shrinks as the last one did, would change no entry by more than this share of the largest, none is needed.
 _CORRECTIONS, _CORRECTED = 3, 1e-13
+# Rows that are copied to long double at a time: all of them would be twice as large as the body.
+_COPIED = 4096
 
 
 @dataclass(frozen=True)
@@ -77,8 +80,13 @@ class HeldStiffness:
         return np.asarray(X)
 
     def _force(self, X: Array) -> Array:
-        """K X with sums in long double; K is copied a part at a time: all of it is as large as the body."""
-        exact, n = X.astype(np.longdouble), self.K.shape[0]
-        # A column of the symmetric matrix is the row.
-        parts = (sp.csc_array(self.K[:, rows], dtype=np.longdouble) for rows in row_blocks(n, self.K.nnz // n + 1))
-        return np.vstack([np.asarray(part.T @ exact, dtype=np.float64) for part in parts])
+        """K X with sums in long double."""
+        exact, force = X.astype(np.longdouble), np.empty(X.shape)
+
+        def multiply(_: int, rows: slice) -> None:
+            part = rows_of(self.K, rows.start, rows.stop)
+            part = sp.csr_array((part.data.astype(np.longdouble), part.indices, part.indptr), part.shape)
+            force[rows] = np.asarray(part @ exact)
+
+        share_rows(X.shape[0], _COPIED, multiply)
+        return force

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blocks import one_norm
+from cmsreduce.linalg.blocks import one_norm, symmetric_product
 from cmsreduce.linalg.eigen.held_stiffness import HeldStiffness
 from cmsreduce.linalg.eigen.pencil import energy_parts
 from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, NotPositiveDefiniteError, factorise
@@ -137,7 +139,7 @@ def rigid_body_modes(
     """
     if proven is None and prove and K.shape[0] > _DENSE_LIMIT:
         proven = only_motions(K, R, rounding)
-    shapes = _geometric_motions(K, R, rounding)[0] if proven is None else proven
+    shapes = _geometric_motions(K, R, rounding).free if proven is None else proven
     N = _null_motions(K, rounding, shapes) if proven is None else proven
     geometric, held = shapes.shape[1], None
     if N.shape[1] > geometric:
@@ -201,15 +203,14 @@ def only_motions(
     (n, r) float64 or None
         None if K may have a mechanism, or a soft motion that only `stiffness_null_space` distinguishes from one.
     """
-    shapes, resisted = _geometric_motions(K, R, rounding)
+    shapes, share, resisted, energy = _geometric_motions(K, R, rounding)
     sound = max(SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
     # The last pivot is the least energy of a motion that moves its dof by one; here for a typical dof, relative to its
     # diagonal entry. If it is too small, K may resist the motion only because of the digits of the coordinates.
-    pivots = np.einsum("ij,ij->j", resisted, K @ resisted) / np.mean(resisted**2 * K.diagonal()[:, None], axis=0)
-    weak = pivots <= sound
-    motions = np.hstack([shapes, resisted[:, weak]])
+    weak = energy <= sound * (K.diagonal() @ resisted**2) / K.shape[0]
+    motions, what = np.hstack([shapes, resisted[:, weak]]), "the stiffness held against its rigid motions"
     try:
-        held = HeldStiffness.of(K, motions, "the stiffness held against its rigid motions", interface, sound)
+        held = HeldStiffness.of(K, motions, what, interface, sound)
     except NotPositiveDefiniteError:
         return None
     if held.factor.weakest[1] <= sound:
@@ -217,9 +218,9 @@ def only_motions(
     if not weak.any():
         return shapes
     # Motions of K itself near those of the coordinates: if their energy is rounding, K resists none of them.
-    own = held.independent(motions)
-    left = _left_of(_energy_share(K, shapes), rounding)
-    return own if _is_rounding(_energy_share(K, own), left).all() else None
+    own = held.solved(resisted[:, weak])
+    free = _is_rounding(_energy_share(K, own), _left_of(share, rounding)).all()
+    return np.hstack([shapes, own]) if free else None
 
 
 def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None = None) -> Array:
@@ -263,19 +264,32 @@ def _null_motions(K: sp.csc_array, rounding: float, known: Array | None) -> Arra
     return np.asarray(V[:, null] / d[:, None])
 
 
-def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> tuple[Array, Array]:
-    """Combinations of the rigid-body shapes that K resists neither by force nor by energy (n, r), and the others."""
+class _Geometric(NamedTuple):
+    """Rigid-body shapes of the geometry that K does not resist (n, r), with their energy shares; and the others."""
+
+    free: Array
+    share: Array
+    resisted: Array
+    energy: Array
+
+
+def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> _Geometric:
+    """Combinations of the rigid-body shapes that K resists neither by force nor by energy, and the others."""
     lengths = np.empty(0) if R is None else np.linalg.norm(R, axis=0)
     if R is None or not lengths.any():
-        return np.empty((K.shape[0], 0)), np.empty((K.shape[0], 0))
+        none = np.empty((K.shape[0], 0))
+        return _Geometric(none, np.empty(0), none, np.empty(0))
     Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
     Q = Q[:, s > DEPENDENT * s.max()]
-    _, s, vt = la.svd(K @ Q, full_matrices=False)
+    force = symmetric_product(K)(Q)
+    _, s, vt = la.svd(force, full_matrices=False)
     shapes, unforced = Q @ vt.T, s <= _RIGID_FACTOR * max(rounding, DOUBLE) * one_norm(K)
+    energy = np.einsum("ij,ij->j", shapes, force @ vt.T)
+    share = _share(energy, energy_parts(K, shapes))
     # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
     limit = max(_LEFT_BY_FILE * rounding, CONDENSATION)
-    rigid = unforced & _is_rounding(_energy_share(K, shapes), limit)
-    return shapes[:, rigid], shapes[:, ~rigid]
+    rigid = unforced & _is_rounding(share, limit)
+    return _Geometric(shapes[:, rigid], share[rigid], shapes[:, ~rigid], energy[~rigid])
 
 
 def _hold(K: sp.csc_array, N: Array) -> HeldStiffness | None:
@@ -319,5 +333,8 @@ def _is_rounding(share: Array, left: float) -> NDArray[np.bool_]:
 
 def _energy_share(K: sp.csc_array, X: Array) -> Array:
     """Strain energy of each column, relative to the sum of its absolute terms; no scale of the dofs changes it."""
-    energy, parts = np.einsum("ij,ij->j", X, K @ X), energy_parts(K, X)
+    return _share(np.einsum("ij,ij->j", X, symmetric_product(K)(X)), energy_parts(K, X))
+
+
+def _share(energy: Array, parts: Array) -> Array:
     return np.asarray(np.divide(energy, parts, out=np.zeros_like(energy), where=parts > 0), dtype=np.float64)

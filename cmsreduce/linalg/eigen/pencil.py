@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.model import Matrix
 
 __all__ = [
@@ -249,8 +249,8 @@ def _orthonormal_in_stiffness(K: Array, N: Array, rounding: float) -> Array:
 
 def energy_parts(A: Matrix, X: Array) -> Array:
     """Sum of the absolute terms of the energy x^T A x of each column (k,)."""
-    sizes: Any = abs(A)
-    return np.asarray(np.einsum("ij,ij->j", abs(X), sizes @ abs(X)))
+    sizes, X = symmetric_product(absolute(A)) if sp.issparse(A) else abs(A).__matmul__, abs(X)
+    return np.asarray(np.einsum("ij,ij->j", X, sizes(X)))
 
 
 def strain_pairs(K: Array, parts: Array) -> tuple[Array, Array]:
