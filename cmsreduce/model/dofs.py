@@ -276,8 +276,6 @@ def rigid_body_shapes(dofs: DofTable, nodes: Nodes, about: ArrayLike = (0.0, 0.0
     component = dofs.component[moving].astype(int)
     axis = nodes.frame[at, (component - 1) % 3]
     arm = nodes.xyz[at] - np.asarray(about, dtype=np.float64)
-    translation = component <= 3
-    R[moving[translation], :3] = axis[translation]
-    R[moving[translation], 3:] = np.cross(arm[translation], axis[translation])
-    R[moving[~translation], 3:] = axis[~translation]
+    translation = (component <= 3)[:, None]
+    R[moving] = np.hstack([np.where(translation, axis, 0.0), np.where(translation, np.cross(arm, axis), axis)])
     return R

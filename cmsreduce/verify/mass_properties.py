@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import FEModel, cross_matrix, rigid_body_shapes
+from cmsreduce.model import FEModel, Nodes, cross_matrix, rigid_body_shapes
 
 __all__ = [
+    "FreeMass",
     "MassProperties",
     "PrincipalInertia",
     "REALISABLE",
+    "free_mass",
     "inertia_excess",
     "integral_change",
     "mass_change",
-    "mass_disorder",
-    "moving_directions",
     "principal_inertia",
     "rigid_mass_properties",
 ]
@@ -77,63 +77,67 @@ def rigid_mass_properties(rigid: Array) -> MassProperties:
     return MassProperties(mass, cg, rigid[3:, 3:] - skew.T @ (mass[:, None] * skew))
 
 
-def mass_disorder(body: FEModel) -> float:
-    """Distance of a mass matrix from one of a rigid body, which has the same mass in every direction at one place.
-
-    Rows of a mass matrix in another order than those of the stiffness give different masses along x, y and z, or a
-    coupling of translations with rotations that no centre of mass has.
+@dataclass(frozen=True, eq=False)
+class FreeMass:
+    """Mass that moves with rigid motions of a body.
 
     Parameters
     ----------
-    body : FEModel
-        With geometry, and free to move in all directions that its rows have.
-
-    Returns
-    -------
-    float
-        Largest entry of R^T M R, in its first three rows and with R about the centroid, that rigid mass does not have,
-        relative to the mass, arms in units of the body's size. Only directions in which every node can move are
-        compared: a planar body has two.
+    along : (k,) int64
+        Basic directions 0..2 along which every node with mass can move by its rows, and no node is held.
+    rigid : (6, 6) float64
+        R^T M R, with R about the centroid of the nodes.
+    size : float
+        Largest extent of the body.
     """
+
+    along: NDArray[np.int64]
+    rigid: Array
+    size: float
+
+    @property
+    def disorder(self) -> float:
+        """Distance from the mass of a rigid body, which is the same in every direction and at one place.
+
+        Rows of a mass matrix in another order than those of the stiffness give different masses along x, y and z, or a
+        coupling of translations with rotations that no centre of mass has. The largest entry that rigid mass does not
+        have is relative to the mass, arms in units of the body's size. Only the directions ``along`` are compared: a
+        planar body has two.
+        """
+        along = self.along
+        if not along.size:
+            return 0.0
+        translation, coupling = self.rigid[np.ix_(along, along)], self.rigid[np.ix_(along, 3 + along)] / self.size
+        mass = float(np.trace(translation) / along.size)
+        worst = max(abs(translation - mass * np.eye(along.size)).max(), abs(coupling + coupling.T).max())
+        return float(worst / mass) if mass > 0 else float("inf")
+
+
+def free_mass(body: FEModel) -> FreeMass:
+    """Mass that moves with rigid motions of a body with geometry."""
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass matrix cannot be compared with a rigid one")
     R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-    along = moving_directions(body, R)
-    if not along.size:
-        return 0.0
-    rigid = R[:, along].T @ (body.M @ R)
-    translation, coupling = rigid[:, along], rigid[:, 3 + along]
-    mass = float(np.trace(translation) / along.size)
     size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
-    coupling = coupling / size
-    worst = max(abs(translation - mass * np.eye(along.size)).max(), abs(coupling + coupling.T).max())
-    return float(worst / mass) if mass > 0 else float("inf")
+    return FreeMass(_moving_directions(body, body.nodes, R), R.T @ (body.M @ R), size)
 
 
-def moving_directions(body: FEModel, R: Array) -> NDArray[np.int64]:
-    """Basic directions 0..2 along which every node with mass can move by its rows, and no node is held.
-
-    Parameters
-    ----------
-    body : FEModel
-        With geometry.
-    R : (n, 6) float64
-        Its rigid-body shapes.
-    """
+def _moving_directions(body: FEModel, nodes: Nodes, R: Array) -> NDArray[np.int64]:
+    """Directions of `FreeMass`."""
     heavy = np.unique(body.dofs.node[body.M.diagonal() > 0])
     moving = (body.dofs.component > 0) & (body.dofs.component <= 3)
     rows = np.flatnonzero(moving & np.isin(body.dofs.node, heavy))
-    if not rows.size or body.nodes is None:
+    if not rows.size:
         return np.empty(0, dtype=np.int64)
     _, of = np.unique(body.dofs.node[rows], return_inverse=True)
     moved = np.array([np.bincount(of, weights=R[rows, axis] ** 2) for axis in range(3)])
     free = (moved > 1 - _WHOLE).all(axis=1)
     if body.constrained is not None:
         # A consistent mass lost its part between a held node and its neighbours.
-        held = body.constrained[(body.constrained.component > 0) & (body.nodes.index(body.constrained.node) >= 0)]
-        free &= abs(rigid_body_shapes(held, body.nodes)[held.component <= 3, :3]).max(axis=0, initial=0.0) < _WHOLE
+        held = body.constrained[(body.constrained.component > 0) & (nodes.index(body.constrained.node) >= 0)]
+        free &= abs(rigid_body_shapes(held, nodes)[held.component <= 3, :3]).max(axis=0, initial=0.0) < _WHOLE
     if body.grounded:
-        free &= bool(np.isin(body.nodes.id, body.dofs.node).all())
+        free &= bool(np.isin(nodes.id, body.dofs.node).all())
     return np.flatnonzero(free)
 
 

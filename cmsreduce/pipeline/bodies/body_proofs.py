@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.mechanics import rigid_mass
-from cmsreduce.model import FEModel, Finding, Proof, rigid_body_shapes
+from cmsreduce.model import FEModel, Finding, Proof
 from cmsreduce.pipeline.bodies.deck_agreement import (
     BOUNDED,
     EXACT,
@@ -31,9 +31,8 @@ from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass
 from cmsreduce.verify import (
     REALISABLE,
+    free_mass,
     inertia_excess,
-    mass_disorder,
-    moving_directions,
     negative_directions,
     rigid_mass_properties,
 )
@@ -215,15 +214,14 @@ def _figures(body: FEModel) -> str:
 
 def _one_mass(body: FEModel) -> list[Finding]:
     """One mass in all directions at one place, with an inertia that mass can have."""
-    assert body.nodes is not None
-    R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-    along = moving_directions(body, R)
+    free = free_mass(body)
+    along = free.along
     if along.size < 2:
         return []
     limit = max(_MASS_ALIKE, _MASS_FACTOR * body.rounding)
     axes = "" if along.size == 3 else f"only {' and '.join('xyz'[k] for k in along)} move"
-    found = [Finding("mass matrix: the same mass along x, y, z", mass_disorder(body), limit, axes)]
-    excess = inertia_excess(R.T @ (body.M @ R)) if along.size == 3 else None
+    found = [Finding("mass matrix: the same mass along x, y, z", free.disorder, limit, axes)]
+    excess = inertia_excess(free.rigid) if along.size == 3 else None
     if excess is not None:
         limit = max(REALISABLE, _MASS_FACTOR * body.rounding)
         found.append(Finding("inertia: beyond what mass can have", excess, limit))

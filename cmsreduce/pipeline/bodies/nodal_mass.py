@@ -139,11 +139,11 @@ def moments_toward_neighbours(body: FEModel) -> float | None:
         None if the mass couples no rotations with translations, or no nodes.
     """
     assert body.nodes is not None
-    R = rigid_body_shapes(body.dofs, body.nodes)
     component = body.dofs.component
     moving, turning = ((component > k) & (component <= k + 3) for k in (0, 3))
     if not turning.any():
         return None
+    R = rigid_body_shapes(body.dofs, body.nodes)
     ids, node = np.unique(body.dofs.node, return_inverse=True)
     H = np.zeros((ids.size, 3, 3))
     np.add.at(H, node[turning], R[turning, 3:, None] * np.asarray(body.M @ R[:, :3])[turning, None, :])

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -21,16 +22,13 @@ from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable, read_
 __all__ = [
     "UNCOUNTED",
     "Bar",
+    "Elements",
     "Faces",
     "Material",
     "NotCountedError",
     "Section",
-    "bars_of",
-    "materials_of",
     "node_index",
-    "plates_of",
-    "solids_of",
-    "stated_cards",
+    "stated_elements",
 ]
 
 Array = NDArray[np.float64]
@@ -53,8 +51,8 @@ _CARDS = (
     *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
     *("GENEL", *UNCOUNTED),
 )
-# A listing echoes the cards behind their count.
-_STATED = re.compile(rb"^(?: +\d+- {8})?(CONM1|CONM2|MAT1)\b", re.MULTILINE | re.IGNORECASE)
+# A listing echoes the cards behind their count. A pattern that begins with one character is searched for quickly.
+_STATED = re.compile(rb"\n(?: +\d+- {8})?(?:CONM[12]|MAT1)\b", re.IGNORECASE)
 # Fields of PBAR, PBEAM and PROD: area, moments I1, I2, I12 and non-structural mass per length.
 _FIELDS = {"PBAR": (2, 3, 4, 18, 6), "PBEAM": (2, 3, 4, 5, 7), "PROD": (2, None, None, None, 5)}
 # Factors of the shear area: of a PBAR none by default, so that shear is not counted; of a PBEAM 1.
@@ -152,35 +150,76 @@ class Faces:
 
     def each(self, value: Callable[[Card], float]) -> Array:
         """A value of the property of each element (e,); properties of no element are not read."""
-        used, at = np.unique(self.property, return_inverse=True)
+        used, at = self._used
         return np.array([value(self.cards[k]) for k in used], dtype=np.float64)[at]
 
+    @cached_property
+    def _used(self) -> tuple[Indices, Indices]:
+        return np.unique(self.property, return_inverse=True)
 
-def stated_cards(path: Path) -> Cards | None:
-    """Cards of a deck that state masses and materials; None if the file is no deck, or holds superelements."""
+
+class Elements:
+    """Elements and materials on the cards of a deck, each kind made when it is first asked for.
+
+    Parameters
+    ----------
+    cards : Cards
+        Cards of the deck.
+    nodes : Nodes
+        Its grids.
+
+    Raises
+    ------
+    NotCountedError
+        By a kind of elements, if a property is missing or an element is not counted: a tapered bar, a section of
+        another shape than BAR, BOX, ROD and TUBE, a plate with an offset or a thickness of its own, a solid with some
+        of its nodes between corners only.
+    """
+
+    def __init__(self, cards: Cards, nodes: Nodes) -> None:
+        self.cards, self.nodes = cards, nodes
+
+    @cached_property
+    def materials(self) -> dict[int, Material]:
+        """Materials by number; a blank modulus follows from the others."""
+        found = {}
+        for card in self.cards.get("MAT1", ()):
+            E, G, nu = card.real(1), card.real(2), card.real(3)
+            if not card.text(1):
+                E = 2 * (1 + nu) * G
+            if not card.text(2):
+                G = E / (2 * (1 + nu))
+            if not card.text(3) and G:
+                nu = E / (2 * G) - 1
+            found[card.integer(0)] = Material(E, G, nu, card.real(4))
+        return found
+
+    @cached_property
+    def bars(self) -> tuple[Bar, ...]:
+        """Bars, beams and rods."""
+        return tuple(_bars_of(self.cards, self.nodes))
+
+    @cached_property
+    def plates(self) -> tuple[Faces, ...]:
+        """Triangles and quadrilaterals."""
+        return tuple(_plates_of(self.cards, self.nodes))
+
+    @cached_property
+    def solids(self) -> tuple[Faces, ...]:
+        """Tetrahedra, wedges and hexahedra, with or without nodes between corners."""
+        return tuple(_solids_of(self.cards, self.nodes))
+
+
+def stated_elements(path: Path, nodes: Nodes) -> Elements | None:
+    """Elements of a deck that states masses or materials; None if the file is no deck, or holds superelements."""
     try:
         # A search of the bytes is fast, also in large decks without materials.
-        if not _STATED.search(path.read_bytes()):
+        if not _STATED.search(b"\n" + path.read_bytes()):
             return None
         sections = read_cards(path, set(_CARDS)).sections
     except (OSError, ReadError):
         return None
-    return sections.get(0, {}) if len(sections) <= 1 else None
-
-
-def materials_of(cards: Cards) -> dict[int, Material]:
-    """Materials by number; a blank modulus follows from the others."""
-    found = {}
-    for card in cards.get("MAT1", ()):
-        E, G, nu = card.real(1), card.real(2), card.real(3)
-        if not card.text(1):
-            E = 2 * (1 + nu) * G
-        if not card.text(2):
-            G = E / (2 * (1 + nu))
-        if not card.text(3) and G:
-            nu = E / (2 * G) - 1
-        found[card.integer(0)] = Material(E, G, nu, card.real(4))
-    return found
+    return Elements(sections.get(0, {}), nodes) if len(sections) <= 1 else None
 
 
 def node_index(nodes: Nodes, node: int) -> int:
@@ -197,14 +236,7 @@ def node_index(nodes: Nodes, node: int) -> int:
     return at
 
 
-def bars_of(cards: Cards, nodes: Nodes) -> Iterator[Bar]:
-    """Bars, beams and rods.
-
-    Raises
-    ------
-    NotCountedError
-        If a property is missing, tapered or of another shape than BAR, BOX, ROD and TUBE.
-    """
+def _bars_of(cards: Cards, nodes: Nodes) -> Iterator[Bar]:
     sections = {(kind, number): made for kind, number, made in _sections(cards)}
     for name, kind in _BARS.items():
         for card in cards.get(name, ()):
@@ -225,14 +257,7 @@ def bars_of(cards: Cards, nodes: Nodes) -> Iterator[Bar]:
             yield Bar(at, ends, made, pinned)
 
 
-def plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
-    """Triangles and quadrilaterals.
-
-    Raises
-    ------
-    NotCountedError
-        If a property is missing, or an element has an offset or a thickness of its own.
-    """
+def _plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
     made = {card.integer(0): card for card in cards.get("PSHELL", ())}
     for name, count in _PLATES.items():
         found = cards.get(name, NO_CARDS)
@@ -244,14 +269,7 @@ def plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
             yield _faces(ids, np.zeros((len(ids), 0), dtype=np.int64), _properties(found, made), made, nodes)
 
 
-def solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
-    """Tetrahedra, wedges and hexahedra, with or without nodes between corners.
-
-    Raises
-    ------
-    NotCountedError
-        If a property is missing, or an element has some of its nodes between corners only.
-    """
+def _solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
     made = {card.integer(0): card for card in cards.get("PSOLID", ())}
     all_edges = {4: 6, 6: 9, 8: 12}
     for name, count in _SOLIDS.items():
@@ -261,9 +279,9 @@ def solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
         properties = _properties(found, made)
         ids = np.stack([found.integers(2 + k) for k in range(count)], axis=1)
         rest = range(2 + count, max(found.width, 3 + count))
-        more = np.stack([found.integers(k, 0) for k in rest], axis=1)
         written = ~np.stack([found.blank(k) for k in rest], axis=1)
         counts = written.sum(axis=1)
+        more = np.stack([found.integers(k, 0) for k in rest], axis=1) if counts.any() else written.astype(np.int64)
         if not np.isin(counts, (0, all_edges[count])).all():
             raise NotCountedError
         for between in (0, all_edges[count]):
@@ -276,7 +294,8 @@ def _properties(found: CardTable, made: Mapping[int, Card]) -> Indices:
     """Position of the property of each element (e,); a blank one has the number of the element."""
     numbers = found.integers(1, 0)
     own = found.blank(1)
-    numbers[own] = found.integers(0)[own]
+    if own.any():
+        numbers[own] = found.integers(0)[own]
     used, at = np.unique(numbers, return_inverse=True)
     if not set(used.tolist()) <= made.keys():
         raise NotCountedError

@@ -21,14 +21,11 @@ from cmsreduce.read.nastran.cards import Card, Cards
 from cmsreduce.read.nastran.deck_elements import (
     UNCOUNTED,
     Bar,
+    Elements,
     Faces,
     Material,
     NotCountedError,
-    bars_of,
-    materials_of,
-    plates_of,
-    solids_of,
-    stated_cards,
+    stated_elements,
 )
 from cmsreduce.read.nastran.deck_mass import StatedMass, mass_of, solid_volumes
 
@@ -108,23 +105,23 @@ def deck_energy(path: Path, nodes: Nodes) -> StatedEnergy | None:
         In the units of the deck. None if the file is no deck, states no material, or has no element whose properties
         are known and isotropic.
     """
-    return energy_of(stated_cards(path), nodes, np.ones(len(nodes), dtype=bool))
+    return energy_of(stated_elements(path, nodes), np.ones(len(nodes), dtype=bool))
 
 
-def energy_of(cards: Cards | None, nodes: Nodes, moving: NDArray[np.bool_]) -> StatedEnergy | None:
-    """Add up the strain energies of the elements on some cards, as `deck_energy` does.
+def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEnergy | None:
+    """Add up the strain energies of the elements of a deck, as `deck_energy` does.
 
     ``moving`` (N,) is True for the nodes that have rows; elements on others are left out.
     """
-    if cards is None or not cards.get("MAT1"):
+    if elements is None or not elements.materials:
         return None
-    materials = materials_of(cards)
+    cards = elements.cards
     parts: list[Part] = []
     without = [name for name in _OTHERS if cards.get(name)]
-    without += [name for name in _SPRINGS if not _without_energy(cards, name, nodes, moving)]
+    without += [name for name in _SPRINGS if not _without_energy(cards, name, elements.nodes, moving)]
     for names, of_kind in _KINDS.items():
         try:
-            of_these, lost = of_kind(cards, nodes, materials, moving)
+            of_these, lost = of_kind(elements, moving)
         except (ReadError, NotCountedError):
             without += [name for name in names if cards.get(name)]
             continue
@@ -145,8 +142,8 @@ def deck_statement(
 
     ``moving`` (N,) is True for the nodes that have rows; the energy leaves out elements on others.
     """
-    cards = stated_cards(path)
-    return mass_of(cards, nodes), energy_of(cards, nodes, moving)
+    elements = stated_elements(path, nodes)
+    return mass_of(elements), energy_of(elements, moving)
 
 
 def _places(parts: list[Part]) -> NDArray[np.int64]:
@@ -174,12 +171,10 @@ def _quadratic(weight: Array, row: Array) -> Array:
     return np.asarray(np.einsum("e,ei,ej->ij", weight, row, row))
 
 
-def _solids(
-    cards: Cards, nodes: Nodes, materials: dict[int, Material], moving: NDArray[np.bool_]
-) -> tuple[list[Part], int]:
+def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[Part], int]:
     parts: list[Part] = []
-    lost = 0
-    for stated in solids_of(cards, nodes):
+    lost, nodes, materials = 0, elements.nodes, elements.materials
+    for stated in elements.solids:
         faces = _on_rows(stated, moving)
         lost += len(stated.property) - len(faces.property)
         if faces.each(lambda p: p.text(6) == "PFLUID").any():
@@ -200,6 +195,8 @@ def _solids(
 def _on_rows(faces: Faces, moving: NDArray[np.bool_]) -> Faces:
     """The elements of which every node has rows."""
     keep = np.asarray(moving[np.hstack([faces.nodes, faces.between])].all(axis=1))
+    if keep.all():
+        return faces
     return replace(faces, nodes=faces.nodes[keep], between=faces.between[keep], property=faces.property[keep])
 
 
@@ -216,12 +213,10 @@ def _refuse_curved(faces: Faces, corners: Array, nodes: Nodes) -> None:
         raise NotCountedError
 
 
-def _plates(
-    cards: Cards, nodes: Nodes, materials: dict[int, Material], moving: NDArray[np.bool_]
-) -> tuple[list[Part], int]:
+def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[Part], int]:
     parts: list[Part] = []
-    lost = 0
-    for stated in plates_of(cards, nodes):
+    lost, nodes, materials = 0, elements.nodes, elements.materials
+    for stated in elements.plates:
         faces = _on_rows(stated, moving)
         lost += len(stated.property) - len(faces.property)
         corners = nodes.xyz[faces.nodes]
@@ -267,14 +262,12 @@ def _lame(material: Material) -> float:
     return material.E * material.nu / (1 + material.nu) / (1 - 2 * material.nu)
 
 
-def _bars(
-    cards: Cards, nodes: Nodes, materials: dict[int, Material], moving: NDArray[np.bool_]
-) -> tuple[list[Part], int]:
-    stated = list(bars_of(cards, nodes))
+def _bars(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[Part], int]:
+    nodes, stated = elements.nodes, elements.bars
     bars = [bar for bar in stated if moving[bar.nodes].all()]
     if not bars:
         return [], len(stated)
-    made = [materials.get(bar.section.material) for bar in bars]
+    made = [elements.materials.get(bar.section.material) for bar in bars]
     if any(each is None or not each.E > 0 for each in made):
         raise NotCountedError
     at = np.array([bar.nodes for bar in bars])

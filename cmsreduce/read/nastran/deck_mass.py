@@ -15,15 +15,12 @@ from cmsreduce.model import Nodes, cross_matrix
 from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.nastran.deck_elements import (
     UNCOUNTED,
+    Elements,
     Faces,
     Material,
     NotCountedError,
-    bars_of,
-    materials_of,
     node_index,
-    plates_of,
-    solids_of,
-    stated_cards,
+    stated_elements,
 )
 
 __all__ = ["StatedMass", "deck_mass", "grid_masses", "mass_of", "solid_volumes"]
@@ -90,21 +87,16 @@ def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
         elements with nodes between corners, scalar masses (CMASS has no place), sections with stations or with other
         shapes than BAR, BOX, ROD and TUBE, a CONM1 that is no point mass.
     """
-    return mass_of(stated_cards(path), nodes)
+    return mass_of(stated_elements(path, nodes))
 
 
-def mass_of(cards: Cards | None, nodes: Nodes) -> StatedMass | None:
-    """Add up the masses of the elements on some cards, as `deck_mass` does."""
-    if cards is None or any(cards.get(name) for name in _OTHERS):
+def mass_of(elements: Elements | None) -> StatedMass | None:
+    """Add up the masses of the elements of a deck, as `deck_mass` does."""
+    if elements is None or any(elements.cards.get(name) for name in _OTHERS):
         return None
+    cards, nodes = elements.cards, elements.nodes
     try:
-        materials = materials_of(cards)
-        parts = [
-            *_bars(cards, nodes, materials),
-            *_plates(cards, nodes, materials),
-            *_solids(cards, nodes, materials),
-            *_points(cards, nodes),
-        ]
+        parts = [*_bars(elements), *_plates(elements), *_solids(elements), *_points(cards, nodes)]
     except (ReadError, NotCountedError):
         return None
     if not parts or not (total := float(sum(mass.sum() for _, mass, *_ in parts))) > 0:
@@ -137,10 +129,11 @@ def grid_masses(path: Path, nodes: Nodes) -> Array | None:
         Masses of elements, and masses, offsets and inertias of CONM2; None where `deck_mass` gives none, or an inertia
         is along the axes of a coordinate system.
     """
-    cards = stated_cards(path)
-    stated = mass_of(cards, nodes)
-    if cards is None or stated is None:
+    elements = stated_elements(path, nodes)
+    stated = mass_of(elements)
+    if elements is None or stated is None:
         return None
+    cards = elements.cards
     scale = _weight_factor(cards)
     found = np.zeros((len(nodes), 6, 6))
     found[:, range(3), range(3)] = stated.nodal[:, None]
@@ -175,8 +168,8 @@ def _outer(x: Array) -> Array:
     return np.asarray(x[..., :, None] * x[..., None, :])
 
 
-def _bars(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
-    bars = list(bars_of(cards, nodes))
+def _bars(elements: Elements) -> Iterator[Part]:
+    bars, materials = elements.bars, elements.materials
     if not bars:
         return
     ends = np.array([bar.ends for bar in bars])
@@ -221,20 +214,20 @@ def _at_point(at: int, mass: float, place: Array, own: float) -> Part:
     return np.array([[at]]), np.array([[mass]]), place[None], mass * _outer(place)[None], more
 
 
-def _plates(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
-    for faces in plates_of(cards, nodes):
-        per_area = faces.each(lambda p: _density(p.integer(1, 0), materials) * p.real(2) + p.real(7))
-        corners = nodes.xyz[faces.nodes]
+def _plates(elements: Elements) -> Iterator[Part]:
+    for faces in elements.plates:
+        per_area = faces.each(lambda p: _density(p.integer(1, 0), elements.materials) * p.real(2) + p.real(7))
+        corners = elements.nodes.xyz[faces.nodes]
         area, centre, second = _plate_areas(corners)
         yield _spread(faces, corners, per_area, area, centre, second, _plate_shares(corners, area))
 
 
-def _solids(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
-    for faces in solids_of(cards, nodes):
+def _solids(elements: Elements) -> Iterator[Part]:
+    for faces in elements.solids:
         if faces.between.shape[1]:
             raise NotCountedError
-        density = faces.each(lambda p: _density(p.integer(1), materials))
-        corners = nodes.xyz[faces.nodes]
+        density = faces.each(lambda p: _density(p.integer(1), elements.materials))
+        corners = elements.nodes.xyz[faces.nodes]
         volume, centre, second = solid_volumes(corners)
         yield _spread(faces, corners, density, volume, centre, second)
 
