@@ -22,6 +22,8 @@ __all__ = ["Determined", "check_connected", "hold_undetermined", "parts"]
 _SOUND_PIVOT = 1e-6
 # Relative to the largest motion: dofs that move less are at rest.
 _AT_REST = 1e-6
+# Rigid motions of a body that is free in all directions.
+_ALL_MOTIONS = 6
 # Dofs and parts named in a message.
 _NAMED, _NAMED_PARTS = 12, 5
 
@@ -47,14 +49,25 @@ def _connected(A: sp.csc_array) -> NDArray[np.int64]:
     return np.asarray(csgraph.connected_components(A.T, directed=True, connection="strong")[1], dtype=np.int64)
 
 
-def check_connected(body: FEModel) -> None:
+def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) -> None:
     """Refuse a body in several pieces, or with rows that have neither stiffness nor mass.
+
+    Parameters
+    ----------
+    body : FEModel
+        The body.
+    proven : (n, r) float64, optional
+        Its rigid motions, if K resists all others.
 
     Raises
     ------
     MatrixError
         Names a node of every piece.
     """
+    # Each piece would have the rigid motions of its own nodes: three of one node, five or more of others.
+    nodes, moving = np.unique(body.dofs.node).size, (body.dofs.component > 0) & (body.dofs.component <= 3)
+    if proven is not None and proven.shape[1] == _ALL_MOTIONS and nodes > 2 and moving.sum() == 3 * nodes:
+        return
     empty = np.flatnonzero(_without_entries(body.K) & _without_entries(body.M))
     if empty.size:
         raise MatrixError(

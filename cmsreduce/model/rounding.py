@@ -58,6 +58,8 @@ _SAMPLE, _FEWEST_VALUES = 4000, 4
 _ALIKE = 0.7
 # Fewer digits are typed, more are those of a double.
 _FEWEST_DIGITS, _MOST_DIGITS = 6, 14
+# Bits of the exponent of a double.
+_EXPONENT = 0x7FF << 52
 # Bits of the mantissa of a single-precision number. A shorter number may be exact; a number that was rounded needs all
 # but the last few.
 _SINGLE_BITS, _LONG_BITS, _LONG_SHARE = 24, 20, 0.5
@@ -144,8 +146,8 @@ def entry_errors(values: Array, rounding: float) -> Array:
     """
     size = abs(np.asarray(values, dtype=np.float64))
     if float(np.frexp(rounding)[0]) == 0.5:
-        # The last place of a binary number is the same from one power of two to the next.
-        return np.asarray(rounding * np.ldexp(1.0, np.frexp(size)[1] - 1) * (size > 0))
+        # The last place of a binary number is the same from one power of two to the next: its bits of the exponent.
+        return np.asarray(rounding * (size.view(np.int64) & _EXPONENT).view(np.float64))
     decade = np.zeros_like(size)
     decade[size > 0] = 10.0 ** np.floor(np.log10(size[size > 0]))
     return PRINTED * rounding * decade

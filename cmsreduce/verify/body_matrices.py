@@ -9,7 +9,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.sparse import factorise
+from cmsreduce.linalg.sparse import factorise, part, share_order
 from cmsreduce.model import CONDENSATION, PRINTED, FEModel
 
 __all__ = ["Contrast", "Grounding", "LightDofs", "grounding", "light_dofs", "negative_directions", "stiffness_contrast"]
@@ -24,7 +24,7 @@ _NEARLY = 1e-8
 _PARTS = 12
 
 
-def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
+def negative_directions(A: sp.csc_array, rounding: float, like: sp.csc_array | None = None) -> int | None:
     """Count the motions whose energy is negative by more than rounding.
 
     Parameters
@@ -33,6 +33,8 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
         Stiffness or mass, symmetric.
     rounding : float
         Relative error of the matrix.
+    like : (n, n) sparse array, optional
+        Matrix whose order serves this one, too: a consistent mass couples the nodes that the stiffness couples.
 
     Returns
     -------
@@ -42,35 +44,39 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     """
     own = abs(A.diagonal())
     scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
-    unit = sp.diags_array(scale) @ A @ sp.diags_array(scale)
-    raised = sp.csc_array(unit + max(CONDENSATION, PRINTED * rounding) * sp.eye_array(A.shape[0]))
+    column = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
+    unit = sp.csc_array((A.data * scale[A.indices] * scale[column], A.indices, A.indptr), shape=A.shape)
+    raised = sp.csc_array(unit + max(CONDENSATION, PRINTED * rounding) * sp.eye_array(A.shape[0], format="csc"))
+    if like is not None:
+        share_order(raised, like)
     count = 0
-    for part, copies in _different_parts(raised):
-        factor = factorise(part, definite=False, what="the scaled matrix")
+    for rows, copies in _different_parts(raised):
+        inner = raised if rows.size == A.shape[0] else part(raised, rows)
+        factor = factorise(inner, definite=False, what="the scaled matrix", solves=False)
         if not factor.inertia_known:
             return None
         count += copies * int(factor.negative_pivots)
     return count
 
 
-def _different_parts(A: sp.csc_array) -> list[tuple[sp.csc_array, int]]:
-    """Unconnected parts of a symmetric matrix, equal ones once with their number; a few parts at most, else the whole.
+def _different_parts(A: sp.csc_array) -> list[tuple[Indices, int]]:
+    """Rows of the unconnected parts of a symmetric matrix, of equal ones once with their number; all rows if many.
 
     The consistent mass of a solid has three equal parts: x, y and z.
     """
     count, label = csgraph.connected_components(A.T, directed=True, connection="strong")
     if not 1 < count <= _PARTS:
-        return [(A, 1)]
-    found: list[tuple[sp.csc_array, int]] = []
+        return [(np.arange(A.shape[0]), 1)]
+    found: list[tuple[Indices, sp.csc_array, int]] = []
     for number in range(count):
         rows = np.flatnonzero(label == number)
-        part = sp.csc_array(A[rows][:, rows])
-        same = next((k for k, (known, _) in enumerate(found) if _equal(known, part)), None)
+        inner = sp.csc_array(A[rows][:, rows])
+        same = next((k for k, (_, known, _) in enumerate(found) if _equal(known, inner)), None)
         if same is None:
-            found.append((part, 1))
+            found.append((rows, inner, 1))
         else:
-            found[same] = found[same][0], found[same][1] + 1
-    return found
+            found[same] = (*found[same][:2], found[same][2] + 1)
+    return [(rows, copies) for rows, _, copies in found]
 
 
 def _equal(A: sp.csc_array, B: sp.csc_array) -> bool:

@@ -139,11 +139,11 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
-    if not part.in_modes:
-        # A mode that no other one excites shares neither stiffness nor mass with them.
-        check_connected(body)
     if body is not converted:
         large, proven = False, None
+    if not part.in_modes:
+        # A mode that no other one excites shares neither stiffness nor mass with them.
+        check_connected(body, proven)
     rounding = body.stiffness_rounding
     rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), rounding, name, proven, prove=not large)
     _check_grounded(body, rigid)

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.model import ARITHMETIC, CONDENSATION, DOUBLE, PRINTED, DofTable, Nodes, rigid_body_shapes, spread_noise
 
 __all__ = ["RigidResidual", "rigid_residual"]
@@ -120,18 +121,18 @@ def rigid_residual(
     length = float(np.sqrt(np.mean(arms**2))) or 1.0
     motions = _admissible(constrained, nodes, centre, length)
     shapes = _scaled(rigid_body_shapes(dofs, nodes, centre), length) @ motions
-    force = np.asarray(K @ shapes)
+    force = symmetric_product(K)(shapes)
     if not motions.shape[1]:
         zero = np.zeros(len(dofs))
         return RigidResidual(motions, length, centre, shapes, force, zero, zero, zero, rounding)
-    size = abs(K)
+    size = symmetric_product(absolute(K))
     own = np.sqrt(np.abs(K.diagonal()))
     scale = own[:, None] * np.max(own[:, None] * np.abs(shapes), axis=0, initial=0.0)
-    terms = size @ np.abs(shapes)
+    terms = size(np.abs(shapes))
 
     def moved(xyz_rounding: float, frame_rounding: float) -> Array:
         error = _displacement_error(dofs, nodes, motions, arms, length, xyz_rounding, frame_rounding)
-        return np.asarray(_COORDINATES * (size @ error))
+        return _COORDINATES * size(error)
 
     explained = _DIGITS * rounding * terms + moved(0.0, 0.0) + ARITHMETIC * scale
     at = np.abs(force)
@@ -142,16 +143,17 @@ def rigid_residual(
     spread = _noise(force, shapes, sizes, dofs, shown) if over.any() else []
     # Where rotations leave no other forces than translations, the coordinates are exact, whatever their digits.
     exact = motions.shape[1] == _ALL and (not over.any() or any((over <= limit).all() for limit, _ in spread))
-    limits = [*spread, (_left_out(K, dofs, shapes), _CANCELLED)] if over.any() else []
-    known = max(noise, CONDENSATION if condensed else 0.0)
-    if known:
-        limits.append((known * scale, _CANCELLED))
     if not exact and (nodes.xyz_rounding or nodes.frame_rounding):
         explained += moved(nodes.xyz_rounding, nodes.frame_rounding)
     off = 0.0
     if not exact and motions.shape[1] == _ALL and not over[:, shown].any():
         off = _off_the_mesh(np.maximum(at - explained, 0.0), moved(1.0, 0.0), _SAME_PLACES * length)
         explained += moved(off, 0.0)
+    limits, known = spread, max(noise, CONDENSATION if condensed else 0.0)
+    if (at > explained).any():
+        limits.append((_left_out(K, dofs, shapes), _CANCELLED))
+        if known:
+            limits.append((known * scale, _CANCELLED))
     allowed, rounding, found = _explained(at, explained, sizes, limits, rounding)
     excess = np.divide(at, allowed, out=np.where(at > 0, np.inf, 0.0), where=allowed > 0)
     rows, worst = np.arange(len(dofs)), excess.argmax(axis=1)
