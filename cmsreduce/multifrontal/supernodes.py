@@ -134,14 +134,19 @@ def _divided(parent: Ints, cost: NDArray[np.float64], threads: int) -> tuple[Int
     roots, above_all = [(-subtree_cost[k], k) for k in children.get(-1, [])], list[int]()
     heapify(roots)
     best, least = (sorted(k for _, k in roots), 0), np.inf
+    whole, above_cost = float(cost.sum()), 0.0
     for _ in range(min(_SPLITS, parent.size)):
-        seconds = shares([-each for each, _ in roots], threads)[1] + cost[above_all].sum() / (_TOGETHER * threads)
-        if seconds < least:
-            best, least = (sorted(k for _, k in roots), len(above_all)), seconds
-        if not roots or -roots[0][0] < _FINE * cost.sum():
+        last = above_cost / (_TOGETHER * threads)
+        # No division into shares is quicker than equal ones, or than the heaviest subtree.
+        if max((whole - above_cost) / threads, -roots[0][0] if roots else 0.0) + last < least:
+            seconds = shares([-each for each, _ in roots], threads)[1] + last
+            if seconds < least:
+                best, least = (sorted(k for _, k in roots), len(above_all)), seconds
+        if not roots or -roots[0][0] < _FINE * whole:
             break
         _, k = heappop(roots)
         above_all.append(k)
+        above_cost += float(cost[k])
         for child in children.get(k, []):
             heappush(roots, (-subtree_cost[child], child))
     last, above = best[0], sorted(above_all[: best[1]])
