@@ -136,10 +136,10 @@ def _divided(parent: Ints, cost: NDArray[np.float64], threads: int) -> tuple[Int
     best, least = (sorted(k for _, k in roots), 0), np.inf
     whole, above_cost = float(cost.sum()), 0.0
     for _ in range(min(_SPLITS, parent.size)):
-        last = above_cost / (_TOGETHER * threads)
+        together = above_cost / (_TOGETHER * threads)
         # No division into shares is quicker than equal ones, or than the heaviest subtree.
-        if max((whole - above_cost) / threads, -roots[0][0] if roots else 0.0) + last < least:
-            seconds = shares([-each for each, _ in roots], threads)[1] + last
+        if max((whole - above_cost) / threads, -roots[0][0] if roots else 0.0) + together < least:
+            seconds = shares([-each for each, _ in roots], threads)[1] + together
             if seconds < least:
                 best, least = (sorted(k for _, k in roots), len(above_all)), seconds
         if not roots or -roots[0][0] < _FINE * whole:

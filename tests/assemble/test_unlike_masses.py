@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.assemble import PointStack, assemble, rigid_substructure, system_modes, wire
+from cmsreduce.assemble import (
+    PointStack,
+    assemble,
+    rigid_substructure,
+    system_modes,
+    wire,
+    with_joint_bodies,
+)
+from cmsreduce.assemble.constraint_space import constraint_space
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import Configuration, Point, Scene, rigid_body_shapes
+from cmsreduce.model import Configuration, JointElement, Point, Scene, rigid_body_shapes
 from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body
 from tests.frames import frame, line
 
@@ -40,6 +48,34 @@ def test_modes_do_not_depend_on_the_mass(factor, grounded):
     shapes = np.asarray(found.T @ X)
     weight = 1.0 if found.scale is None else found.scale[:, None] ** -2
     np.testing.assert_allclose(found.T.T @ (weight * shapes), X, atol=1e-9 * abs(X).max())
+
+
+def test_a_lever_arm_stays_beside_large_rotations_of_another_joint():
+    """A rim moves by its arm of 1e-7 m times the turn; beside it two modes of 1e-16 kg m^2 turn alike."""
+    arm, large = 1e-7, 1e8
+    T = constraint_space(sp.csr_array([[1.0, -arm, 0, 0], [0, 0, large, -large]])).T
+    rim, turn, *alike = np.asarray(T.toarray() if sp.issparse(T) else T)
+    np.testing.assert_allclose(rim, arm * turn, rtol=1e-12, atol=1e-20)
+    np.testing.assert_allclose(*alike, rtol=1e-12)
+    assert T.shape == (4, 2) and abs(turn).max() == pytest.approx(1.0)
+
+
+def test_a_spring_between_heavy_bodies_counts_beside_a_light_one():
+    """Two bodies on a spring have sqrt(k (1/m1 + 1/m2)), whatever hangs on one of them."""
+    k, m1, m2, light = 7.0, 2.0, 3.0, 1e-18
+    bodies = [
+        rigid_body("a", m1, [0, 0, 0], [1, 1, 1], {"p": [0, 0, 0]}),
+        rigid_body("b", m2, [0, 0, 0], [1, 1, 1], {"p": [0, 0, 0], "q": [1, 0, 0]}),
+        rigid_body("speck", light, [1, 0, 0], [light] * 3, {"q": [1, 0, 0]}),
+    ]
+    springs = (
+        joint("strut", "a.p", "b.p", "z", elements=(JointElement(2, stiffness=k),)),
+        joint("hair", "b.q", "speck.q", "z", elements=(JointElement(2, stiffness=5 * light),)),
+    )
+    scene = Scene(("a", "b", "speck"), (0.0, 1.0), springs)
+    subs = with_joint_bodies({body.name: rigid_substructure(body) for body in bodies}, scene)
+    w, _ = system_modes(assemble(subs, scene, Configuration("now", {})), 1e9)
+    np.testing.assert_allclose(w**2, [5.0, k * (1 / m1 + 1 / m2)], rtol=1e-6)
 
 
 def test_rotations_of_a_body_of_micrometres_keep_their_digits():

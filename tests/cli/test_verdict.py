@@ -98,6 +98,13 @@ def test_a_limit_given_to_check_makes_a_verdict(cantilever: Path, tmp_path: Path
     assert call("check", out, "--max", "frf_error=1e-12").exit_code == 1
 
 
+def test_modes_below_the_band_are_not_counted(outcome) -> None:
+    """Its first mode, of 120 Hz, is below; Guyan on the tip has one mode in each plane, none in this band."""
+    _, _, facts = outcome("reduce={method: guyan}", "scene.band=[200 Hz, 1500 Hz]", "verify.limits={modes_lost: 2}")
+    row = facts["configurations"][0]
+    assert row["modes_full"] == len(row["modes_lost"]) > 2 and row["modes_reduced"] == 0
+
+
 def test_no_damping_meets_a_limit_on_its_error(outcome) -> None:
     code, _, facts = outcome("components.arm.damping=null", "verify.limits={damping_error: 1e-9}")
     assert code == 0 and facts["verdict"]["word"] == "PASS"

@@ -71,6 +71,11 @@ def refine(K: Array, M: Array, lam: Array, X: Array) -> tuple[Array, Array]:
     X : (m, p) float64
         Improved vectors.
 
+    Raises
+    ------
+    MatrixError
+        If some vectors of nearly one eigenvalue are dependent, or have no mass.
+
     Notes
     -----
     Source: Ogita and Aishima, Japan J. Indust. Appl. Math. 35 (2018), 1007-1035, with M as inner product.
@@ -88,7 +93,13 @@ def refine(K: Array, M: Array, lam: Array, X: Array) -> tuple[Array, Array]:
     for number in np.flatnonzero(np.bincount(label, minlength=clusters) > 1):
         own = np.flatnonzero(label == number)
         x = X[:, own]
-        X[:, own] = x @ la.eigh(_symmetric(x.T @ K @ x), _symmetric(x.T @ M @ x))[1]
+        try:
+            X[:, own] = x @ la.eigh(_symmetric(x.T @ K @ x), _symmetric(x.T @ M @ x))[1]
+        except la.LinAlgError:
+            raise MatrixError(
+                f"{own.size} modes near the squared frequency {lam[own[0]]:.6g} cannot be told apart: a combination of "
+                "them has no mass. The matrices are too ill conditioned, or the mass is not positive definite"
+            ) from None
     weight = np.einsum("ij,ij->j", X, M @ X)
     return np.einsum("ij,ij->j", X, K @ X) / weight, X / np.sqrt(weight)
 

@@ -270,14 +270,13 @@ class Comparison:
             for k, (error, H_r) in enumerate(found):
                 errors[k][label], curves[k][label] = error, H_r
         own = next(iter(models.values())).assembled
-        band = 2 * np.pi * self.scene.band[1]
         return tuple(
             ConfigurationResult(
                 configuration=configuration,
                 n_full=self.reference.system(configuration).N,
                 n_reduced=own.system(configuration).N,
-                modes_full=int(np.count_nonzero(self.reference.resonances(configuration).omega <= band)),
-                modes_reduced=int(np.count_nonzero(own.resonances(configuration).omega <= band)),
+                modes_full=self.reference.resonances(configuration).inside(self.scene.band),
+                modes_reduced=own.resonances(configuration).inside(self.scene.band),
                 errors=errors[k],
                 response=Response(grids[k] / (2 * np.pi), full[k], curves[k]),
             )

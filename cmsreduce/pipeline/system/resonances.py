@@ -32,6 +32,11 @@ class Resonances:
     zeta: NDArray[np.float64]
     shapes: Mapping[str, NDArray[np.float64]]
 
+    def inside(self, band: tuple[float, float]) -> int:
+        """Number of modes in a band in Hz, its ends included."""
+        low, high = (2 * np.pi * edge for edge in band)
+        return int(np.count_nonzero((self.omega >= low) & (self.omega <= high)))
+
 
 @dataclass(frozen=True, eq=False)
 class DampedModes:

@@ -114,6 +114,11 @@ def test_refining_squares_the_error():
     assert abs(X - np.diag(X.diagonal())).max() < 1e-8
 
 
+def test_dependent_vectors_of_one_eigenvalue_are_refused():
+    with pytest.raises(MatrixError, match="2 modes near the squared frequency 3 cannot be told apart"):
+        refine(np.diag([1.0, 3.0, 3.0]), np.eye(3), np.array([1.0, 3.0, 3.0]), np.eye(3)[:, [0, 1, 1]])
+
+
 def test_a_mechanism_beyond_the_rigid_modes_is_refused():
     with pytest.raises(MatrixError, match="mechanism"):
         elastic_pairs(np.diag([1.0, 0.0, 2.0]), np.eye(3), NONE)
