@@ -24,7 +24,7 @@ _NEARLY = 1e-8
 _PARTS = 12
 
 
-def negative_directions(A: sp.csc_array, rounding: float, like: sp.csc_array | None = None) -> int | None:
+def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     """Count the motions whose energy is negative by more than rounding.
 
     Parameters
@@ -33,8 +33,6 @@ def negative_directions(A: sp.csc_array, rounding: float, like: sp.csc_array | N
         Stiffness or mass, symmetric.
     rounding : float
         Relative error of the matrix.
-    like : (n, n) sparse array, optional
-        Matrix whose order serves this one, too: a consistent mass couples the nodes that the stiffness couples.
 
     Returns
     -------
@@ -47,8 +45,7 @@ def negative_directions(A: sp.csc_array, rounding: float, like: sp.csc_array | N
     column = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
     unit = sp.csc_array((A.data * scale[A.indices] * scale[column], A.indices, A.indptr), shape=A.shape)
     raised = sp.csc_array(unit + max(CONDENSATION, PRINTED * rounding) * sp.eye_array(A.shape[0], format="csc"))
-    if like is not None:
-        share_order(raised, like)
+    share_order(raised, borrowed=True)
     count = 0
     for rows, copies in _different_parts(raised):
         inner = raised if rows.size == A.shape[0] else part(raised, rows)

@@ -68,6 +68,10 @@ class KnownOrders:
         """Order (n,) of a pattern in compressed form; None for an unknown pattern."""
         return self._orders.get(_fingerprint(starts, indices))
 
+    def of_rows(self, n: int) -> NDArray[Any] | None:
+        """Newest order of a pattern of n rows, which has more fill for another pattern; None if there is none."""
+        return next((order for order in reversed(self._orders.values()) if order.size == n), None)
+
     def store(self, starts: NDArray[Any], indices: NDArray[Any], order: NDArray[Any]) -> None:
         """Store the order (n,) of a pattern, and drop the oldest orders."""
         self._orders[_fingerprint(starts, indices)] = order

@@ -16,15 +16,15 @@ from cmsreduce.multifrontal import dissection_installed, nested_dissection
 __all__ = ["part", "share_order"]
 
 
-def share_order(A: sp.csc_array, like: sp.csc_array | None = None) -> NDArray[np.int64] | None:
+def share_order(A: sp.csc_array, *, borrowed: bool = False) -> NDArray[np.int64] | None:
     """Order a large matrix for its factor and for those of its parts.
 
     Parameters
     ----------
     A : (n, n) sparse array
         Symmetric.
-    like : (n, n) sparse array, optional
-        Matrix whose order it takes, with couplings that are much the same.
+    borrowed : bool
+        True to take the order of an earlier matrix of as many rows: a mass couples the nodes that a stiffness couples.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def share_order(A: sp.csc_array, like: sp.csc_array | None = None) -> NDArray[np
     orders, pattern = current_settings().orders, lower_pattern(A)
     order = orders.find(*pattern)
     if order is None:
-        order = None if like is None else share_order(like)
+        order = orders.of_rows(A.shape[0]) if borrowed else None
         order = nested_dissection(A) if order is None else order
         orders.store(*pattern, order)
     return np.asarray(order, dtype=np.int64)
