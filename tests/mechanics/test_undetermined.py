@@ -11,7 +11,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError, SceneError
-from cmsreduce.linalg.eigen import elastic_pairs, rigid_body_modes
+from cmsreduce.linalg.eigen import elastic_pairs, only_motions, rigid_body_modes
 from cmsreduce.mechanics import check_connected, hold_undetermined
 from cmsreduce.mechanics.undetermined import parts
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, rigid_body_shapes
@@ -275,3 +275,17 @@ def test_an_empty_dof_is_named():
         A[9, :] = A[:, 9] = 0.0
     with pytest.raises(MatrixError, match=r"1 dofs have neither stiffness nor mass, the first is 2\.4"):
         check_connected(replace(body, K=sp.csc_array(K), M=sp.csc_array(M)))
+
+
+@pytest.mark.parametrize("bars", [[(1, 2), (2, 3), (3, 4), (4, 5)], [(1, 2), (2, 3), (4, 5)]])
+def test_six_rigid_motions_prove_one_piece(bars):
+    """The proof that K resists all others and the graph of its entries agree: of two pieces, K leaves twelve."""
+    body = frame("bent", np.array(FIVE) + [[0, 0.1 * k * k, 0] for k in range(5)], bars, {})
+    proven = only_motions(body.K, rigid_body_shapes(body.dofs, body.nodes), body.stiffness_rounding)
+    assert (proven is None) == (parts(body).max() > 0)
+    if proven is not None:
+        assert proven.shape[1] == 6
+        check_connected(body, proven)
+    else:
+        with pytest.raises(MatrixError, match="not one piece: 2 parts"):
+            check_connected(body, proven)

@@ -44,6 +44,17 @@ def test_a_part_is_factorised_in_the_order_of_the_whole(large, monkeypatch):
     assert factor.cost.nnz <= 1.3 * own.cost.nnz
 
 
+def test_a_matrix_may_borrow_the_order_of_another_of_as_many_rows(large):
+    """A mass of three equal parts, such as that of a solid, is counted in the order of the stiffness."""
+    mass = sp.csc_array(sp.diags_array(np.linspace(1.0, 2.0, large.shape[0])))
+    with solver_settings(SolverSettings()):
+        assert not np.array_equal(share_order(mass), order := share_order(large))
+    with solver_settings(SolverSettings()):
+        share_order(large)
+        assert np.array_equal(share_order(mass, borrowed=True), order)
+        assert share_order(plate(41), borrowed=True).size == 41**2
+
+
 def test_a_kept_factor_is_found_for_the_same_matrix_and_for_no_other(large):
     with solver_settings(SolverSettings()) as settings:
         first = factorise(large, kept=True)
