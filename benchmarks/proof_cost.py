@@ -51,20 +51,20 @@ write: {formats: [hdf5]}
 """
 # The order and the factor of this proof are no cost: later steps use them.
 SHARED = "K resists all but the rigid motions, beyond its factor"
-# Fact, and the functions that prove it: module of the pipeline, name as it is called there.
+# Fact, and the functions that prove it: module of the package, name as it is called there.
 PROOFS = {
-    "row order of K": ("bodies.proven_bodies", "prove_row_order"),
-    "row order of M": ("bodies.proven_bodies", "prove_mass_order"),
-    SHARED: ("bodies.proven_bodies", "only_motions"),
-    "rigid motions, orthonormal": ("bodies.proven_bodies", "rigid_body_modes"),
-    "one connected body": ("bodies.proven_bodies", "check_connected"),
-    "definiteness of K and M": ("bodies.proven_bodies", "definite"),
-    "K and M against the deck": ("bodies.proven_bodies", "prove_body"),
-    "number of rigid motions": ("bodies.proven_bodies", "rigid_motions_proof"),
-    "damping matrix": ("bodies.bodies", "damping_health"),
-    "damping of the modes": ("results.result", "damping_proof"),
-    "error bars of the frequencies": ("results.result", "frequency_error_bars"),
-    "energy of the system, stability": ("run.verification", "without_energy"),
+    "row order of K": ("read.body", "prove_row_order"),
+    "row order of M": ("pipeline.bodies.proven_bodies", "prove_mass_order"),
+    SHARED: ("pipeline.bodies.proven_bodies", "only_motions"),
+    "rigid motions, orthonormal": ("pipeline.bodies.proven_bodies", "rigid_body_modes"),
+    "one connected body": ("pipeline.bodies.proven_bodies", "check_connected"),
+    "definiteness of K and M": ("pipeline.bodies.proven_bodies", "definite"),
+    "K and M against the deck": ("pipeline.bodies.proven_bodies", "prove_body"),
+    "number of rigid motions": ("pipeline.bodies.proven_bodies", "rigid_motions_proof"),
+    "damping matrix": ("pipeline.bodies.bodies", "damping_health"),
+    "damping of the modes": ("pipeline.results.result", "damping_proof"),
+    "error bars of the frequencies": ("pipeline.results.result", "frequency_error_bars"),
+    "energy of the system, stability": ("pipeline.run.verification", "without_energy"),
 }
 
 
@@ -117,7 +117,7 @@ def main() -> None:
     """Run the pipeline with its proofs timed, and print the table."""
     proofs = Proofs()
     for label, (module, name) in PROOFS.items():
-        room = import_module(f"cmsreduce.pipeline.{module}")
+        room = import_module(f"cmsreduce.{module}")
         setattr(room, name, proofs.around(label, getattr(room, name)))
     counting = [import_module(f"cmsreduce.reduce.{name}") for name in ("craig_bampton", "macneal_rubin")]
     for room in counting:

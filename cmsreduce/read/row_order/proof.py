@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +79,10 @@ def is_condensed(body: FEModel) -> bool:
     return not np.isin(body.nodes.id, known).all()
 
 
+# A body is proven where it is read, and asked for its proof once more in a run.
+_PROVEN: WeakKeyDictionary[FEModel, RowOrderProof] = WeakKeyDictionary()
+
+
 def prove_row_order(body: FEModel) -> RowOrderProof:
     """Prove that the rows are in order: K times the rigid motions of the geometry must vanish.
 
@@ -104,6 +109,12 @@ def prove_row_order(body: FEModel) -> RowOrderProof:
     MatrixError
         If the stiffness is given as mass, too.
     """
+    if body not in _PROVEN:
+        _PROVEN[body] = _trusted_or_proven(body)
+    return _PROVEN[body]
+
+
+def _trusted_or_proven(body: FEModel) -> RowOrderProof:
     if not body.rows_trusted:
         return _proven_rows(body)
     try:
