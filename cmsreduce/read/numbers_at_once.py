@@ -237,9 +237,10 @@ def _words_of_fields(fields: NDArray[np.uint8], grammar: _Grammar) -> tuple[NDAr
     lines[~sure, 0] = _ZERO
     at = 0
     while (found := grammar.fields.match(lines.data, at)) is not None and found.end() < lines.size:
+        # Before Python 3.11.5 the match may end inside the line that does not fit.
         wrong = found.end() // (width + 1)
         sure[wrong] = False
         lines[wrong] = _BLANK
         lines[wrong, [0, -1]] = _ZERO, _NEWLINE
-        at = found.end() + width + 1
+        at = (wrong + 1) * (width + 1)
     return numbers_of(lines.tobytes()), sure

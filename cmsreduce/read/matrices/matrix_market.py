@@ -62,7 +62,8 @@ class EntryLine:
     def matched(self, text: bytes) -> int:
         """Characters at the start of a text that are whole lines of entries, or empty ones."""
         found = re.match(f"(?:{self.pattern}\n|{_BLANKS}\n)*+".encode(), text)
-        return 0 if found is None else found.end()
+        # Before Python 3.11.5 the match may end inside the line that does not fit.
+        return 0 if found is None else text.rfind(b"\n", 0, found.end()) + 1
 
 
 COORDINATE = EntryLine("i j value", 2, rf"{_BLANKS}{2 * f'{INTEGER}{_APART}++'}{REAL}{_APART}*+")
