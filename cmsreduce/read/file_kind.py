@@ -295,7 +295,7 @@ def read_rows(path: Path) -> DofTable:
         if not path.is_file() or (kind := file_kind(path)).name in ("dofs", "empty", "unknown"):
             raise
         first = "name it as `geometry:`; " if kind.geometry else ""
-        step = f"{first}`rows:` takes a list of node.component, one a line, or a dof set of the deck, such as a"
+        step = f"{first}`rows:` takes a list of node.component, one a line, or a dof set of the deck, such as `a`"
         raise ReadError(f"{path}: this is {kind.words}, not a dof list: {step}") from error
 
 
