@@ -7,13 +7,13 @@ Gramians as plain matrix algebra belong in `linalg.gramian`; the keys of a ranki
 from cmsreduce.balance.bounds import elastic_norm, keep_bound, mode_bounds
 from cmsreduce.balance.clusters import cluster_groups, correlated_groups, correlation
 from cmsreduce.balance.component_cost import ComponentCost, component_costs
-from cmsreduce.balance.effects import ChangedResponse, Effects
+from cmsreduce.balance.effects import ChangedResponse, Effects, Judge
 from cmsreduce.balance.hankel import Hankel, balanced, hankel_values
 from cmsreduce.balance.modal_gain import Gregory, ModalGain
 from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
 from cmsreduce.balance.ranking import CLOSE, ByFrequency, GramianRanking, Ranking, mode_spacing, with_rankings
 from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
-from cmsreduce.balance.search import Found, Judge, keep_cheapest, keep_error
+from cmsreduce.balance.search import Found, keep_cheapest, keep_error
 from cmsreduce.balance.truncation import (
     Selection,
     keep_all,

@@ -1,15 +1,19 @@
-"""Predicted measures of a model after changes to its set of modes, from the response at a few frequencies."""
+"""Measures of a model that a search for modes needs, and their prediction after changes at a few frequencies."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ChangedResponse", "Effects"]
+from cmsreduce.balance.truncation import Columns, Selection
+from cmsreduce.model import Finding
+
+__all__ = ["ChangedResponse", "Effects", "Judge"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -140,3 +144,16 @@ class Effects:
         for each in self.configurations:
             count = each.within(order[:count], limit) if count else 0
         return count
+
+
+class Judge(Protocol):
+    """Measures of the assembled system that the search needs."""
+
+    def error(self, selection: Selection, limit: float = np.inf) -> float:
+        """Measure of a selection over all configurations; any value above the limit if it is exceeded."""
+
+    def critical(self, selection: Selection) -> Finding:
+        """The finding that decides on a selection, with its place."""
+
+    def effects(self, selection: Selection, changes: Sequence[tuple[str, Columns]]) -> Effects:
+        """Effects of adding columns that are left out, and of leaving out columns that are kept."""

@@ -12,18 +12,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.balance.effects import Effects
+from cmsreduce.balance.effects import Effects, Judge
 from cmsreduce.balance.ranking import CLOSE
-from cmsreduce.balance.truncation import Columns, Selection, whole_groups
+from cmsreduce.balance.truncation import Selection, whole_groups
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import Finding, ModalComponent
 
-__all__ = ["Found", "Judge", "keep_cheapest", "keep_error"]
+__all__ = ["Found", "keep_cheapest", "keep_error"]
 
 Array = NDArray[np.float64]
 
@@ -40,19 +39,6 @@ _PARTNERS, _TRIALS = 24, 6
 _GAIN, _EXCHANGES = 1e-3, 24
 # Groups left out to start from.
 _STARTS = 2
-
-
-class Judge(Protocol):
-    """Measures of the assembled system that the search needs."""
-
-    def error(self, selection: Selection, limit: float = np.inf) -> float:
-        """Measure of a selection over all configurations; any value above the limit if it is exceeded."""
-
-    def critical(self, selection: Selection) -> Finding:
-        """The finding that decides on a selection, with its place."""
-
-    def effects(self, selection: Selection, changes: Sequence[tuple[str, Columns]]) -> Effects:
-        """Effects of adding columns that are left out, and of leaving out columns that are kept."""
 
 
 @dataclass(frozen=True, eq=False)

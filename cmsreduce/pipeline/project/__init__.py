@@ -6,7 +6,8 @@ Its mathematics belongs in `cmsreduce.project`.
 
 from cmsreduce.pipeline.project.projected_bodies import Projected
 from cmsreduce.pipeline.project.response_shapes import ResponseShapes
-from cmsreduce.pipeline.project.scene_basis import SceneBasis, SceneShapes
+from cmsreduce.pipeline.project.scene_basis import SceneBasis
+from cmsreduce.pipeline.project.scene_shapes import SceneShapes
 from cmsreduce.pipeline.project.stage import ProjectStage
 
 __all__ = ["ProjectStage", "Projected", "ResponseShapes", "SceneBasis", "SceneShapes"]

@@ -16,12 +16,13 @@ from cmsreduce.linalg.response import ResonanceError
 from cmsreduce.model import Configuration, Scene, Substructure, is_gyroscopic
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
+from cmsreduce.pipeline.project.scene_shapes import SceneShapes
 from cmsreduce.pipeline.system import AssembledModel
 from cmsreduce.project import ESTIMATE_FACTOR
 from cmsreduce.reduce import ResponseBody
 from cmsreduce.verify import channel_scales, frequency_grid
 
-__all__ = ["SceneBasis", "SceneShapes"]
+__all__ = ["SceneBasis"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -40,48 +41,6 @@ _BETWEEN = 6
 # Loads and motions whose part beyond the others is a smaller share are the same.
 _SAME = 1e-9
 _SKEW = "has gyroscopic forces, and scene shapes need symmetric matrices; use craig-bampton or macneal-rubin"
-
-
-@dataclass(frozen=True, eq=False)
-class SceneShapes:
-    """Elastic shapes of large bodies, and how their number was found.
-
-    Parameters
-    ----------
-    shapes : mapping of body to (n, k) float64
-        Orthonormal in the stiffness.
-    hz : tuple of float
-        Frequencies of the points, in order.
-    estimate, aim : float
-        Estimated frf_error of the worst configuration, and what it was to come below.
-    where : str
-        Its name.
-    checked : tuple of (float, float, float)
-        Frequency in Hz, error found by a solve of the bodies there before its responses were added, and its estimate
-        before; both relative to the response of the worst configuration at this frequency.
-    """
-
-    shapes: Mapping[str, Real]
-    hz: tuple[float, ...]
-    estimate: float
-    aim: float
-    where: str
-    checked: tuple[tuple[float, float, float], ...]
-
-    @property
-    def _aim(self) -> str:
-        met = self.estimate <= self.aim
-        return f"{'below' if met else 'not below'} the {self.aim:.2g} aimed at"
-
-    def note(self, name: str) -> str:
-        """The basis of one body in words."""
-        off = max((error / estimate for _, error, estimate in self.checked if estimate), default=0.0)
-        return (
-            f"{name}: {self.shapes[name].shape[1]} static shapes and responses of the scene at {len(self.hz)} "
-            f"frequencies; frf_error is estimated at {self.estimate:.2g} in '{self.where}', {self._aim}, and at "
-            f"{len(self.checked)} of them solves of the bodies found at most {off:.3g} times the estimated error. "
-            "They serve this scene; for other loads, sensors or bands use craig-bampton"
-        )
 
 
 @dataclass(frozen=True, eq=False)
