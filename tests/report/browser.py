@@ -48,11 +48,6 @@ class Opened:
         """Choose an option as a user does."""
         self.page.select_option(f"#{select}", value)
 
-    def thread_seconds(self) -> float:
-        """Processor time of the page's main thread, which other programs on the machine do not lengthen."""
-        metrics = self._session.send("Performance.getMetrics")["metrics"]
-        return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
-
     def watch(self) -> None:
         """Listen to all that goes wrong."""
         self.page.on(
@@ -65,8 +60,6 @@ class Opened:
                 self.faults.append(asked.url) if not asked.url.startswith(("file:", "data:", "blob:")) else None
             ),
         )
-        self._session = self.page.context.new_cdp_session(self.page)
-        self._session.send("Performance.enable", {"timeDomain": "threadTicks"})
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,16 @@ from tests.report.sweeps import made_sweep
 pytestmark = [pytest.mark.chromium, needs_browser]
 
 HOSTILE = "</script><script>window.stolen = 1</script>"
-# Seconds of the browser's main thread to the first plots, which is what a machine with nothing else to do needs. The
-# rest of opening, reading and unpacking, is done beside it.
-OPENS_IN = 1.5
+# What decides how soon the page is there, on any machine: its bytes, its elements, and the points of a drawn line, of
+# the 4000 that the run has.
 LARGEST = 15e6
+MOST_ELEMENTS = 10_000
+MOST_POINTS = 1000
 
 PLOTS = "[...document.querySelectorAll('.js-plotly-plot')].map((plot) => [plot.id, plot.data.length])"
+POINTS = (
+    "[...document.querySelectorAll('.js-plotly-plot')].map((plot) => [plot.id, plot.data.map((line) => line.x.length)])"
+)
 MARKS = """(id) => {
   const plot = document.getElementById(id);
   return plot.querySelectorAll(".js-line, .point, .points path, .heatmaplayer image, .barlayer path").length;
@@ -67,26 +71,19 @@ def page(browser: Any, small: Path) -> Iterator[Opened]:
         yield found
 
 
-def test_the_largest_run_opens_quickly_and_stays_small(
-    browser: Any, large: Path, record_property: Callable[[str, object], None]
-) -> None:
+def test_the_largest_run_opens_with_its_first_screen_only(browser: Any, large: Path) -> None:
+    """Of 20 configurations with 96 channels, what is drawn on opening is what the first screen shows, thinned."""
     assert large.stat().st_size < LARGEST
-    # The least of three: what else the machine does slows a processor down, nothing makes it faster.
-    spent = min(_opening_seconds(browser, large) for _ in range(2))
     with opened(browser, large) as found:
         found.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
-        spent = min(spent, found.thread_seconds())
-        record_property("main_thread_seconds", round(spent, 2))
-        record_property("megabytes", round(large.stat().st_size / 1e6, 1))
-        assert spent < OPENS_IN
+        for plot in ("speed", "response"):
+            found.page.wait_for_selector(f"#{plot} .main-svg", timeout=60_000)
+        points = dict(found.page.evaluate(POINTS))
+        assert set(points) == {"speed", "response"}
+        assert 100 < max(points["response"]) < MOST_POINTS
+        assert found.page.evaluate("document.getElementsByTagName('*').length") < MOST_ELEMENTS
         assert found.page.eval_on_selector("#channel", "(select) => select.options.length") == 96
         assert found.faults == []
-
-
-def _opening_seconds(browser: Any, path: Path) -> float:
-    with opened(browser, path) as found:
-        found.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
-        return found.thread_seconds()
 
 
 def test_every_plot_has_marks(page: Opened) -> None:
