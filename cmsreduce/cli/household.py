@@ -132,7 +132,7 @@ def new(name: str, files: tuple[Path, ...]) -> None:
         click.echo(f"{path} written; fill in your files, then: cmsreduce run {path}")
         click.echo(f"or have it filled in: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
         return
-    from cmsreduce.pipeline.bodies import draft_pipeline
+    from cmsreduce.pipeline.drafts import draft_pipeline
     from cmsreduce.pipeline.store import collecting
 
     with collecting() as failures:

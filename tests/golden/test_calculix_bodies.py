@@ -18,7 +18,7 @@ from cmsreduce.mechanics import Tie, places_by_stiffness, tie_nodes
 from cmsreduce.model import rigid_body_shapes
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline import Run, Silent
-from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.read import InterfaceSpec, MatrixSource, prove_row_order, read_body, read_geometry
 from tests.golden.calculix_bodies import BODIES, Deck, body, solve, stiffened
 

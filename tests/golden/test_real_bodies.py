@@ -13,7 +13,7 @@ from cmsreduce.errors import WriteError
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import rigid_body_shapes
 from cmsreduce.pipeline import Run, Silent, execute, inspected
-from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.verify import rigid_mass_properties
 from cmsreduce.write import convert, read_component
 

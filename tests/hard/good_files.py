@@ -14,7 +14,7 @@ import numpy as np
 import cmsreduce
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import inspected
-from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.pipeline.results import check_result, read_limits
 from cmsreduce.read import (
     deck_mass,

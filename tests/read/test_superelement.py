@@ -16,7 +16,7 @@ from cmsreduce.errors import CmsReduceError, DampingError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.mechanics import Tie, rigid_mass, tie_nodes
 from cmsreduce.model import rigid_body_shapes
-from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.read import InterfaceSpec, read_body, superelement_damping, superelement_matrices
 
 pytestmark = pytest.mark.shared

@@ -7,7 +7,6 @@ The joined system belongs in `pipeline.system`.
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, in_scene, probing_loads, read_flexible
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
-from cmsreduce.pipeline.bodies.draft import Draft, draft_body, draft_pipeline
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
@@ -29,7 +28,6 @@ __all__ = [
     "ALL_MODES_LIMIT",
     "BodyHealth",
     "DampingHealth",
-    "Draft",
     "FlexibleBody",
     "ProvenBody",
     "REDUCED_FILES",
@@ -45,8 +43,6 @@ __all__ = [
     "damping_proof",
     "damping_remark",
     "effective_masses",
-    "draft_body",
-    "draft_pipeline",
     "in_free_modes",
     "in_scene",
     "needs_files",

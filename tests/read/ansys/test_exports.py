@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from cmsreduce.cli import main
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import FEModel
-from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.read import MatrixSource, read_body, read_geometry, read_matrix
 from tests.solids import block
 

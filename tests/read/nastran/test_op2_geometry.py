@@ -10,7 +10,7 @@ import pyyeti
 import scipy.linalg as la
 
 from cmsreduce.errors import ReadError
-from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.read import MatrixSource, prove_row_order, read_body, read_geometry, read_matrix
 
 THEIRS = Path(pyyeti.__file__).parent / "tests"

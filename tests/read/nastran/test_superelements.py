@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import pyyeti
 
-from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.read import MatrixSource, prove_row_order, read_body, read_geometry
 
 THEIRS = Path(pyyeti.__file__).parent / "tests"

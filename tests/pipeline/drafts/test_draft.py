@@ -13,7 +13,7 @@ from pyyeti.nastran import op4
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError, ReadError
-from cmsreduce.pipeline.bodies import draft_body, draft_pipeline
+from cmsreduce.pipeline.drafts import draft_body, draft_pipeline
 from tests.pipeline.study import system_frequencies, write_study
 
 SAMPLES = Path(__file__).parents[3] / "sample_models"

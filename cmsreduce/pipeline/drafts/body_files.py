@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cmsreduce.config import BodyDraft
 from cmsreduce.errors import ReadError
-from cmsreduce.pipeline.bodies.matrix_roles import Candidate, matrices_of, stiffness_and_mass
+from cmsreduce.pipeline.drafts.matrix_roles import Candidate, matrices_of, stiffness_and_mass
 from cmsreduce.read import FileKind, Geometry, LabelledMatrix, file_kind, read_geometry, sha256_of
 
 __all__ = ["bodies_of_files", "body_names", "deck_beside"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel
-from cmsreduce.pipeline.bodies.proposed_interfaces import Place, nearest, position
+from cmsreduce.pipeline.drafts.proposed_interfaces import Place, nearest, position
 
 __all__ = ["Meeting", "meetings"]
 

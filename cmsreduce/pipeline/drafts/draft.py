@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,19 +18,17 @@ from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.sparse import factorise
 from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
-from cmsreduce.pipeline.bodies.body_files import bodies_of_files, body_names, deck_beside
-from cmsreduce.pipeline.bodies.coincident_nodes import Meeting, meetings
-from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
-from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
-from cmsreduce.pipeline.bodies.proposed_interfaces import Place, proposed_interfaces
+from cmsreduce.pipeline.bodies import REDUCED_FILES, reduced_body
+from cmsreduce.pipeline.drafts.body_files import bodies_of_files, body_names, deck_beside
+from cmsreduce.pipeline.drafts.coincident_nodes import meetings
+from cmsreduce.pipeline.drafts.mounts import cells_of, joined, mounted, translations_of
+from cmsreduce.pipeline.drafts.plausible_units import material_of, plausible_units
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import (
     MatrixSource,
     file_kind,
     prove_row_order,
     read_body,
-    read_cells,
-    read_geometry,
     superelement_damping,
     superelement_matrices,
 )
@@ -43,7 +41,6 @@ _QUICK = 20_000
 _FREE = 6
 _REDUCED = ("component", *REDUCED_FILES)
 _NO_DECK = "no deck, listing (.f06) or mesh is given, so that the place of no node is known: cmsreduce new {}2 {} {}"
-_AXES = "xyz"
 
 
 @dataclass(frozen=True)
@@ -83,15 +80,15 @@ def draft_pipeline(name: str, files: Sequence[Path]) -> Draft:
     found = _found(name, files)
     if len(found) == 1:
         body, draft = found[0]
-        draft = draft if body is None else _mounted(draft, body)
+        draft = draft if body is None else mounted(draft, body)
         return Draft(body_pipeline(name, draft), _warnings([draft]))
     drafts = [draft for _, draft in found]
     bodies = {draft.name: body for body, draft in found if body is not None and body.nodes is not None}
     lengths = {draft.name: (Units.parse(draft.units) if draft.units else SI).length for draft in drafts}
     meeting, apart = meetings(bodies, lengths)
-    joined = [_joined(draft, bodies.get(draft.name), meeting) for draft in drafts]
+    drafts = [joined(draft, bodies.get(draft.name), meeting) for draft in drafts]
     joints = [(f"{one.body}_{other.body}", str(one), str(other)) for one, other in meeting]
-    return Draft(scene_pipeline(name, joined, joints), (*_warnings(joined), *apart))
+    return Draft(scene_pipeline(name, drafts, joints), (*_warnings(drafts), *apart))
 
 
 def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
@@ -103,7 +100,7 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
         With a remark if the files do not fit together. Of several bodies, the first.
     """
     body, draft = _found(name, files)[0]
-    return draft if body is None else _mounted(draft, body)
+    return draft if body is None else mounted(draft, body)
 
 
 def _found(name: str, files: Sequence[Path]) -> list[tuple[FEModel | None, BodyDraft]]:
@@ -170,7 +167,6 @@ def _read_reduced(name: str, path: Path) -> tuple[None, BodyDraft]:
     node = int(nodes[counts.argmax()] if face is None or not face.nodes else face.nodes[0])
     words = f"one of {len(nodes)} nodes" if face is None else "an interface of the file"
     at = modal.nodes.xyz[modal.nodes.index(np.append(nodes, node))]
-    own = set(modal.dofs.component[modal.dofs.node == node].tolist())
     stiff = la.eigvalsh(modal.K, modal.M)[int((~modal.K.any(axis=0)).sum()) :]
     return None, BodyDraft(
         name,
@@ -179,7 +175,7 @@ def _read_reduced(name: str, path: Path) -> tuple[None, BodyDraft]:
         interfaces=(("mount", f"{{set: {label}}}" if label else f"{{node: {node}}}", words),),
         point=str(node),
         far=int(nodes[np.linalg.norm(at[:-1] - at[-1], axis=1).argmax()]),
-        axes="".join(axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in own) or _AXES,
+        axes=translations_of(modal.dofs, node),
         elastic_hz=float(np.sqrt(max(stiff[0], 0.0)) / (2 * np.pi)) if stiff.size else None,
         damped=bool(modal.D.any()) or modal.damping.law != "none",
         reduced=path,
@@ -215,10 +211,9 @@ def _without_places(draft: BodyDraft, body: FEModel) -> BodyDraft:
     if not nodes.size:
         return replace(draft, remark=remark)
     node = int(nodes[counts.argmax()])
-    own = set(body.dofs.component[body.dofs.node == node].tolist())
-    axes = "".join(axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in own)
     mount = (("mount", f"{{node: {node}}}", ""),)
-    return replace(draft, interfaces=mount, point=str(node), far=int(nodes[-1]), axes=axes or _AXES, remark=remark)
+    axes = translations_of(body.dofs, node)
+    return replace(draft, interfaces=mount, point=str(node), far=int(nodes[-1]), axes=axes, remark=remark)
 
 
 def _beside(draft: BodyDraft) -> Path | None:
@@ -247,27 +242,12 @@ def _held(read: Callable[..., FEModel], refused: DofMapError) -> FEModel:
 
 def _with_units(draft: BodyDraft, body: FEModel) -> BodyDraft:
     """The draft with the units that the material shows; without solid elements they are only proposed."""
-    material = material_of(body, _cells(draft))
+    material = material_of(body, cells_of(draft))
     if material is None:
         return draft
     units, reason = plausible_units(material)
     sure = units is not None and material.density is not None
     return replace(draft, units=units.name if sure and reason else "", units_remark=reason)  # type: ignore[union-attr]
-
-
-def _cells(draft: BodyDraft) -> Mapping[str, NDArray[np.int64]]:
-    return {} if draft.geometry is None else read_cells(draft.geometry)
-
-
-def _proposed(draft: BodyDraft, body: FEModel) -> list[Place]:
-    """Places where the body of the draft could be joined, the best first."""
-    if draft.geometry is None:
-        return proposed_interfaces(body, {})
-    geometry = read_geometry(draft.geometry)
-    # A shell has several nodes with rows for each node of its deck, of which a set names those of the deck.
-    most = len(geometry.expanded) // 2 or len(geometry.nodes)
-    node_sets = {name: ids for name, ids in geometry.node_sets.items() if ids.size <= most}
-    return proposed_interfaces(body, _cells(draft), node_sets, geometry.expanded)
 
 
 def _warnings(drafts: Sequence[BodyDraft]) -> tuple[str, ...]:
@@ -279,49 +259,6 @@ def _warnings(drafts: Sequence[BodyDraft]) -> tuple[str, ...]:
         if draft.units_remark:
             said.append(f"units of '{draft.name}': {draft.units_remark}")
     return tuple(dict.fromkeys(said))
-
-
-def _mounted(draft: BodyDraft, body: FEModel) -> BodyDraft:
-    """The draft with the best place to join the body as its mount, and the others as proposals."""
-    places = _proposed(draft, body)
-    if not places:
-        return replace(draft, remark="no node of the deck has rows in the matrices, so that none can be the mount")
-    mount, rest = places[0], tuple((each.name, each.interface, each.words) for each in places[1:])
-    return _placed(replace(draft, interfaces=(("mount", mount.interface, mount.words),), proposed=rest), body, mount)
-
-
-def _joined(draft: BodyDraft, body: FEModel | None, meeting: Sequence[tuple[Meeting, Meeting]]) -> BodyDraft:
-    """The draft with an interface for every joint of the body; without any, with a mount."""
-    if body is None:
-        return draft
-    own = {one.interface.name: one.interface for pair in meeting for one in pair if one.body == draft.name}
-    if not own:
-        return _mounted(draft, body)
-    faces = tuple((name, place.interface, place.words) for name, place in own.items())
-    tied = {node for place in own.values() for node in place.nodes}
-    others = [each for each in _proposed(draft, body) if not tied & set(each.nodes)]
-    rest = tuple((each.name, each.interface, each.words) for each in others if not each.name.startswith("grid"))
-    return _placed(replace(draft, interfaces=faces, proposed=rest), body, *own.values())
-
-
-def _placed(draft: BodyDraft, body: FEModel, *places: Place) -> BodyDraft:
-    """The draft with the point of its first place, the translations there, and the node farthest from it."""
-    assert body.nodes is not None
-    first = places[0]
-    node = next((each for each in first.nodes if each in body.nodes.id), first.nodes[0])
-    own = set(body.dofs.component[body.dofs.node == node].tolist())
-    axes = [axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in own]
-    moving = body.dofs.node[body.dofs.component == 1 + _AXES.index(axes[0] if axes else "x")]
-    # A node that is tied has no rows of its own.
-    tied = [node for place in places if place.tied for node in place.nodes]
-    seen = np.flatnonzero(np.isin(body.nodes.id, np.setdiff1d(moving, tied)))
-    # A tie is about the centroid of its nodes.
-    about = body.nodes.xyz[body.nodes.index(first.nodes if first.tied else node)].mean(axis=0)
-    away = np.linalg.norm(body.nodes.xyz[seen] - about, axis=1)
-    far = int(body.nodes.id[seen[away.argmax()]]) if seen.size else node
-    return replace(
-        draft, point=draft.interfaces[0][0] if first.tied else str(node), far=far, axes="".join(axes) or _AXES
-    )
 
 
 def _first_elastic(body: FEModel) -> float | None:

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from cmsreduce.model import FEModel
 
@@ -292,9 +293,6 @@ def _cylinder(points: Array, normals: Array, centres: Array) -> float | None:
 
 def nearest(points: Array, among: Array) -> tuple[Array, Ids]:
     """Distance from each point (k, 3) to the nearest of others, and which of them it is."""
-    # A run imports this module and needs no search tree.
-    from scipy.spatial import cKDTree
-
     away, at = cKDTree(among).query(points)
     return np.atleast_1d(away), np.atleast_1d(at)
 
