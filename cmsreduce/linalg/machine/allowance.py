@@ -47,15 +47,20 @@ def available_memory() -> float:
 
 
 def _left_by_groups(installed: float) -> float:
-    """Bytes that those control groups of this process leave to it which limit it to less than what is installed."""
+    """Bytes that the control groups of this process leave to it; infinite without a limit below what is installed."""
     left = math.inf
-    for group in _groups("memory"):
-        most = min(_numbers(group, _MOST_MEMORY), default=math.inf)
-        if most < installed:
-            counted = _table(group / "memory.stat")
-            reclaimed = max(sum(counted.get(name, 0.0) for name in names) for names in _RECLAIMED)
-            left = min(left, most - sum(_numbers(group, _MEMORY_IN_USE)) + reclaimed)
+    for group, most in _limited_groups(installed):
+        counted = _table(group / "memory.stat")
+        reclaimed = max(sum(counted.get(name, 0.0) for name in names) for names in _RECLAIMED)
+        left = min(left, most - sum(_numbers(group, _MEMORY_IN_USE)) + reclaimed)
     return left
+
+
+@cache
+def _limited_groups(installed: float) -> list[tuple[Path, float]]:
+    """Control groups that limit this process to less than what is installed, and their limits in bytes."""
+    limits = ((group, min(_numbers(group, _MOST_MEMORY), default=math.inf)) for group in _groups("memory"))
+    return [(group, most) for group, most in limits if most < installed]
 
 
 def _left_by_shell() -> float:

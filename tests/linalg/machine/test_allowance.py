@@ -67,9 +67,13 @@ def system(tmp_path, monkeypatch):
         monkeypatch.setattr(allowance.os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
         monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
 
-    allowance._share_of_cores.cache_clear()
+    def forget() -> None:
+        allowance._share_of_cores.cache_clear()
+        allowance._limited_groups.cache_clear()
+
+    forget()
     yield write
-    allowance._share_of_cores.cache_clear()
+    forget()
 
 
 @pytest.mark.parametrize(
