@@ -116,7 +116,9 @@ def rigid_residual(
         Error of K relative to sqrt(K_ii K_jj) that is known of its source.
     """
     moving = dofs.component > 0
-    centre = nodes.xyz[np.unique(nodes.index(dofs.node[moving]))].mean(axis=0)
+    with_rows = np.zeros(len(nodes), dtype=bool)
+    with_rows[nodes.index(dofs.node[moving])] = True
+    centre = nodes.xyz[with_rows].mean(axis=0)
     arms = np.linalg.norm(nodes.xyz - centre, axis=1)
     length = float(np.sqrt(np.mean(arms**2))) or 1.0
     motions = _admissible(constrained, nodes, centre, length)
@@ -125,14 +127,18 @@ def rigid_residual(
     if not motions.shape[1]:
         zero = np.zeros(len(dofs))
         return RigidResidual(motions, length, centre, shapes, force, zero, zero, zero, rounding)
-    size = symmetric_product(absolute(K))
     own = np.sqrt(np.abs(K.diagonal()))
     scale = own[:, None] * np.max(own[:, None] * np.abs(shapes), axis=0, initial=0.0)
-    terms = size(np.abs(shapes))
+    misplaced = _misplaced(dofs, nodes, arms)
+    of_each = symmetric_product(absolute(K))(np.hstack([np.abs(shapes), misplaced]))
+    terms, (round_off, shifted, twisted, skewed) = of_each[:, : motions.shape[1]], of_each[:, motions.shape[1] :].T
+    turn, reach = np.linalg.norm(motions[3:], axis=0) / length, np.linalg.norm(motions[:3], axis=0)
 
     def moved(xyz_rounding: float, frame_rounding: float) -> Array:
-        error = _displacement_error(dofs, nodes, motions, arms, length, xyz_rounding, frame_rounding)
-        return _COORDINATES * size(error)
+        """Forces of coordinates and frames of such rounding; both have the round-off of their coordinate systems."""
+        skew = frame_rounding + _FRAMES
+        by_turning = _FRAMES * round_off + xyz_rounding * shifted + skew * twisted
+        return np.asarray(_COORDINATES * (np.outer(by_turning, turn) + np.outer(skew * skewed, reach)))
 
     explained = _DIGITS * rounding * terms + moved(0.0, 0.0) + ARITHMETIC * scale
     at = np.abs(force)
@@ -243,25 +249,18 @@ def _admissible(constrained: DofTable | None, nodes: Nodes, centre: Array, lengt
     return free
 
 
-def _displacement_error(
-    dofs: DofTable,
-    nodes: Nodes,
-    motions: Array,
-    arms: Array,
-    length: float,
-    xyz_rounding: float,
-    frame_rounding: float,
-) -> Array:
-    """Largest error of each dof's displacement that comes from coordinates and frames of such rounding, (n, m)."""
-    turn = np.linalg.norm(motions[3:], axis=0) / length
-    error = np.zeros((len(dofs), motions.shape[1]))
+def _misplaced(dofs: DofTable, nodes: Nodes, arms: Array) -> Array:
+    """Largest error of each dof's displacement by unit errors (n, 4).
+
+    Under a rotation by one: of round-off of a coordinate, relative to it; of a coordinate by one; of a displacement
+    frame by one, if it is not along the basic axes. Under a translation by one: of such a frame.
+    """
+    error = np.zeros((len(dofs), 4))
     moving = np.flatnonzero(dofs.component > 0)
-    at = nodes.index(dofs.node[moving])
-    # Coordinates also have the round-off of the coordinate systems in which they were given.
-    off = xyz_rounding + _FRAMES * np.abs(nodes.xyz[at]).max(axis=1, initial=0.0)
-    turned = np.where(np.abs(nodes.frame[at] - np.eye(3)).max(axis=(1, 2), initial=0.0) > 0, 1.0, 0.0)
-    skew = turned * (frame_rounding + _FRAMES)
-    reach = np.linalg.norm(motions[:3], axis=0) + turn * arms[at][:, None]
-    translation = (dofs.component[moving] <= 3)[:, None]
-    error[moving] = np.where(translation, off[:, None] * turn + skew[:, None] * reach, skew[:, None] * turn)
+    at, translation = nodes.index(dofs.node[moving]), dofs.component[moving] <= 3
+    turned = (np.abs(nodes.frame - np.eye(3)).max(axis=(1, 2), initial=0.0) > 0)[at]
+    error[moving, 0] = np.where(translation, np.abs(nodes.xyz).max(axis=1, initial=0.0)[at], 0.0)
+    error[moving, 1] = translation
+    error[moving, 2] = turned * np.where(translation, arms[at], 1.0)
+    error[moving, 3] = turned & translation
     return error
