@@ -61,9 +61,9 @@ ONE = ("scene.articulation={spin: [45 deg], cone: [30 deg]}", "balance.keep={frf
 
 
 @pytest.fixture(scope="module")
-def boom() -> int:
+def boom(tmp_path_factory: pytest.TempPathFactory) -> int:
     """A node of the rotor far from its bearing."""
-    run = Run(load_pipeline(GALILEO), Path("unused"), Silent())
+    run = Run(load_pipeline(GALILEO), tmp_path_factory.mktemp("boom"), Silent())
     nodes = run.bodies["rotor"].body.nodes
     assert nodes is not None
     inside = np.isin(nodes.id, run.bodies["rotor"].body.dofs.node)
