@@ -144,10 +144,13 @@ def entry_errors(values: Array, rounding: float) -> Array:
     >>> entry_errors(np.array([1.5, 950.0]), 5e-4).tolist()
     [0.005, 0.5]
     """
-    size = abs(np.asarray(values, dtype=np.float64))
+    values = np.asarray(values, dtype=np.float64)
     if float(np.frexp(rounding)[0]) == 0.5:
         # The last place of a binary number is the same from one power of two to the next: its bits of the exponent.
-        return np.asarray(rounding * (size.view(np.int64) & _EXPONENT).view(np.float64))
+        errors = (values.view(np.int64) & _EXPONENT).view(np.float64)
+        errors *= rounding
+        return errors
+    size = abs(values)
     decade = np.zeros_like(size)
     decade[size > 0] = 10.0 ** np.floor(np.log10(size[size > 0]))
     return PRINTED * rounding * decade

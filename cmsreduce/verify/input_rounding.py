@@ -106,8 +106,9 @@ def _of_repeated(body: FEModel, Phi: Array, columns: NDArray[np.int64]) -> Array
 
 def _of_independent(errors: sp.csc_array, Phi: Array, columns: NDArray[np.int64]) -> Array:
     """Sum of squares of the largest changes of w^2 by each entry of K and its mirror image (k,)."""
-    squares = sp.csc_array((errors.data**2, errors.indices, errors.indptr), shape=errors.shape)
-    product, diagonal = symmetric_product(squares), squares.diagonal()
+    # In place: the errors serve nothing else, and are as many as the entries of the body.
+    np.square(errors.data, out=errors.data)
+    product, diagonal = symmetric_product(errors), errors.diagonal()
     found = np.zeros(columns.size)
     for part in column_blocks(columns.size):
         phi = np.asarray(Phi[:, columns[part]]) ** 2
