@@ -113,7 +113,7 @@ def column_counts(starts: Ints, indices: Rows, order: Ints, place: Ints, tree: I
 
 
 def couplings(A: sp.csc_array) -> tuple[Ints, Rows]:
-    """Rows that each row of a symmetric matrix is coupled with, without itself, in compressed form.
+    """Rows that each row of a symmetric matrix is coupled with, in compressed form.
 
     Parameters
     ----------
@@ -124,25 +124,40 @@ def couplings(A: sp.csc_array) -> tuple[Ints, Rows]:
     -------
     starts : (n + 1,) int64
     indices : int32
-        A row may occur twice.
+        A row may occur twice, and may be among its own. The pattern of the matrix itself, without a copy, where that
+        tells it all.
     """
-    starts, indices = _couplings(A.indptr, A.indices, A.data, not _mirrored(A.indptr, A.indices, A.data))
+    mirrored, full = _compared(A.indptr, A.indices, A.data)
+    if mirrored and full:
+        return A.indptr.astype(np.int64), A.indices.astype(np.int32, copy=False)
+    starts, indices = _couplings(A.indptr, A.indices, A.data, not mirrored)
     return starts, indices
 
 
 @loop
-def _mirrored(starts: Rows, indices: Rows, data: NDArray[np.float64]) -> bool:
-    """True if each nonzero entry has its mirror image: compares a hash sum of both triangles."""
-    lower, upper = np.uint64(0), np.uint64(0)
-    for j in range(starts.size - 1):
+def _compared(starts: Rows, indices: Rows, data: NDArray[np.float64]) -> tuple[bool, bool]:
+    """Compare a hash sum of both triangles: whether each nonzero entry has its mirror image; and find stored zeros.
+
+    The hash of a pair is a product of two, so that a column takes one product.
+    """
+    n = starts.size - 1
+    high, low = np.empty(n, np.uint64), np.empty(n, np.uint64)
+    for j in range(n):
+        high[j], low[j] = _hash(j, 0), _hash(j, 1)
+    lower, upper, full = np.uint64(0), np.uint64(0), True
+    for j in range(n):
+        below, above = np.uint64(0), np.uint64(0)
         for p in range(starts[j], starts[j + 1]):
             i = indices[p]
-            if data[p] != 0:
-                if i > j:
-                    lower += _hash(i, j)
-                elif i < j:
-                    upper += _hash(j, i)
-    return bool(lower == upper)
+            if data[p] == 0:
+                full = False
+            elif i > j:
+                below += high[i]
+            elif i < j:
+                above += low[i]
+        lower += below * low[j]
+        upper += above * high[j]
+    return bool(lower == upper), full
 
 
 @loop
