@@ -266,16 +266,13 @@ def rigid_body_shapes(dofs: DofTable, nodes: Nodes, about: ArrayLike = (0.0, 0.0
     DofMapError
         If a dof belongs to a node without coordinates.
     """
+    component, at = dofs.component, nodes.index(dofs.node)
+    lost = (at < 0) & (component > 0)
+    if lost.any():
+        raise DofMapError(f"node {dofs.node[lost][0]} has rows in the matrices but no coordinates in the geometry")
     R = np.zeros((len(dofs), 6))
-    moving = np.flatnonzero(dofs.component > 0)
-    at = nodes.index(dofs.node[moving])
-    if (at < 0).any():
-        raise DofMapError(
-            f"node {dofs.node[moving][at < 0][0]} has rows in the matrices but no coordinates in the geometry"
-        )
-    component = dofs.component[moving].astype(int)
-    axis = nodes.frame[at, (component - 1) % 3]
-    arm = nodes.xyz[at] - np.asarray(about, dtype=np.float64)
-    translation = (component <= 3)[:, None]
-    R[moving] = np.hstack([np.where(translation, axis, 0.0), np.where(translation, np.cross(arm, axis), axis)])
+    along, turning = np.flatnonzero((component > 0) & (component <= 3)), np.flatnonzero(component > 3)
+    axis = nodes.frame[at[along], component[along] - 1]
+    R[along, :3], R[along, 3:] = axis, np.cross(nodes.xyz[at[along]] - np.asarray(about, dtype=np.float64), axis)
+    R[turning, 3:] = nodes.frame[at[turning], component[turning] - 4]
     return R
