@@ -59,6 +59,7 @@ PROOFS = {
     "rigid motions, orthonormal": ("pipeline.bodies.proven_bodies", "rigid_body_modes"),
     "one connected body": ("pipeline.bodies.proven_bodies", "check_connected"),
     "definiteness of K and M": ("pipeline.bodies.proven_bodies", "definite"),
+    "mass and stiffness that the deck states": ("pipeline.bodies.proven_bodies", "statement_of"),
     "K and M against the deck": ("pipeline.bodies.proven_bodies", "prove_body"),
     "number of rigid motions": ("pipeline.bodies.proven_bodies", "rigid_motions_proof"),
     "damping matrix": ("pipeline.bodies.bodies", "damping_health"),

@@ -29,6 +29,7 @@ from cmsreduce.read.nastran import (
     read_bulk,
     read_followers,
     read_members,
+    texts_kept,
 )
 from cmsreduce.read.parameter_matrix import read_parameter_matrix
 from cmsreduce.read.reduced import (
@@ -107,5 +108,6 @@ __all__ = [
     "sha256_of",
     "superelement_damping",
     "superelement_matrices",
+    "texts_kept",
     "with_inner_grids",
 ]

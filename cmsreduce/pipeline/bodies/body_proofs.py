@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -19,7 +18,6 @@ from cmsreduce.pipeline.bodies.deck_agreement import (
     against_deck,
     energy_ratios,
     ratio_in_words,
-    statement_of,
 )
 from cmsreduce.pipeline.bodies.nodal_mass import (
     exchanges_hidden,
@@ -96,7 +94,7 @@ def definite(body: FEModel, proven: Array | None) -> dict[str, int | None]:
 def prove_body(
     body: FEModel,
     tied: FEModel,
-    geometry: Path | None,
+    stated: tuple[StatedMass | None, StatedEnergy | None],
     rows: RowOrderProof,
     order: MassOrder,
     negative: Mapping[str, int | None],
@@ -107,15 +105,14 @@ def prove_body(
     ----------
     body, tied : FEModel
         As read; with its ties, in the units of the scene.
-    geometry : Path, optional
-        Its geometry file.
+    stated : tuple of StatedMass and StatedEnergy, each optional
+        Mass and strain energy that its deck states.
     rows, order : RowOrderProof, MassOrder
         Proofs of its rows.
     negative : mapping of ``stiffness`` and ``mass`` to int or None
         Motions of negative energy.
     """
     checks, row_proof = _rows(rows)
-    stated = (None, None) if geometry is None else statement_of(geometry, body)
     stiffness, stiffness_proof = _stiffness(body, stated[1], negative["stiffness"])
     mass, mass_proof = _mass(body, tied, stated[0], rows, order, negative["mass"])
     return Proven((*checks, *stiffness, *mass), (row_proof, stiffness_proof, mass_proof))

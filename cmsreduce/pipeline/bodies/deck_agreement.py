@@ -10,6 +10,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import symmetric_product
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import DofTable, FEModel, Finding, rigid_body_shapes
 from cmsreduce.read import STRAINS, StatedEnergy, StatedMass, deck_statement
@@ -125,7 +126,7 @@ def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | 
     U = _affine(body.dofs, body, centre) @ fields[:6] + _strains(body.dofs, body, centre) @ strain
     U = U[:, np.abs(strain).max(axis=0) > 0]
     strain = strain[:, np.abs(strain).max(axis=0) > 0]
-    energy = U.T @ np.asarray(body.K @ U)
+    energy = U.T @ symmetric_product(body.K)(U)
     low = strain.T @ (stated.low if turn else stated.least) @ strain
     lowest = _ratios(energy, low)
     if lowest is None:

@@ -20,8 +20,9 @@ from cmsreduce.mechanics import check_connected, hold_undetermined
 from cmsreduce.model import Failure, FEModel, Finding, Proof, Scene, in_units, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
+from cmsreduce.pipeline.bodies.deck_agreement import statement_of
 from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
-from cmsreduce.read import RowOrderProof, files_read, prove_mass_order, prove_row_order, sha256_of
+from cmsreduce.read import RowOrderProof, files_read, prove_mass_order, prove_row_order, sha256_of, texts_kept
 from cmsreduce.verify import rigid_motions_proof
 
 __all__ = ["THOROUGH", "ProvenBody", "hash_of", "matrices_hash", "needs_files", "proven_body"]
@@ -120,7 +121,10 @@ def proven_body(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
 
 def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     part = pipeline.components[name]
-    as_read, unproven, changed = body_as_read(name, part, part.units_in(scene.units))
+    geometry = None if part.geometry is None else part.geometry.file
+    with texts_kept():
+        as_read, unproven, changed = body_as_read(name, part, part.units_in(scene.units))
+        stated = (None, None) if geometry is None else statement_of(geometry, as_read)
     # The rows are proven on the matrices as they are read; ties and units change them.
     proof, order = prove_row_order(as_read), prove_mass_order(as_read)
     if unproven:
@@ -148,8 +152,7 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), rounding, name, proven, prove=not large)
     _check_grounded(body, rigid)
     negative = definite(body, proven)
-    geometry = None if part.geometry is None else part.geometry.file
-    proved = prove_body(as_read, converted, geometry, proof, order, negative)
+    proved = prove_body(as_read, converted, stated, proof, order, negative)
     notes = [*changed, *_mechanisms(body, rigid)]
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")

@@ -6,6 +6,7 @@ The proof that rows and geometry fit together belongs in `read.row_order`.
 
 from cmsreduce.read.nastran.bars import bars_in_units, read_bars, read_members
 from cmsreduce.read.nastran.bulk import BULK_DATA, EXTERNAL_SUPERELEMENT, SET_NAMES, BulkDeck, read_bulk
+from cmsreduce.read.nastran.cards import texts_kept
 from cmsreduce.read.nastran.deck_energy import STRAINS, StatedEnergy, deck_energy, deck_statement
 from cmsreduce.read.nastran.deck_mass import StatedMass, deck_mass, grid_masses
 from cmsreduce.read.nastran.dmig import DMIG
@@ -35,4 +36,5 @@ __all__ = [
     "read_bulk",
     "read_followers",
     "read_members",
+    "texts_kept",
 ]

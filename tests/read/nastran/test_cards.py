@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.nastran.cards import read_cards
+from cmsreduce.read.nastran.cards import read_cards, texts_kept
 from cmsreduce.read.printed_numbers import real_number
 
 GRID = {
@@ -181,3 +181,13 @@ def write(folder: Path, text: str) -> Path:
     path = folder / "deck.bdf"
     path.write_text(text + "\n")
     return path
+
+
+def test_texts_that_are_kept_give_other_cards_of_the_same_deck(tmp_path: Path) -> None:
+    deck = "CEND\nBEGIN BULK\nGRID,1\nINCLUDE 'more.bdf'\nCROD,7,1,1,2\nENDDATA"
+    (tmp_path / "more.bdf").write_text("GRID,2\nCROD,8,1,2,1\n")
+    with texts_kept():
+        assert cards_of(tmp_path, deck, {"GRID"}) == [("1",), ("2",)]
+        (tmp_path / "more.bdf").write_text("GRID,3\n")
+        assert [fields[0] for fields in cards_of(tmp_path, "GRID,4", {"CROD"})] == ["8", "7"]
+    assert cards_of(tmp_path, deck, {"GRID"}) == [("1",), ("3",)]

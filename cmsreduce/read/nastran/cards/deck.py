@@ -7,8 +7,11 @@ SPC card and reads past ENDDATA, so decks are split here.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
@@ -19,7 +22,7 @@ from cmsreduce.read.nastran.cards.open_card import IMAGES, OpenCard, image_of
 from cmsreduce.read.nastran.cards.table import CardBlock, Cards, CardTable
 from cmsreduce.read.nastran.listing import echoed_deck, is_listing
 
-__all__ = ["CardFile", "read_cards"]
+__all__ = ["CardFile", "read_cards", "texts_kept"]
 
 _INCLUDE = re.compile(r"\s*INCLUDE(?=[\s'\"=])\s*=?\s*(.*)", re.IGNORECASE)
 _BEGIN = re.compile(
@@ -77,12 +80,10 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     ReadError
         If a file is missing, includes itself, or a card is broken over lines in a way that cannot be read.
     """
-    content = read_text(path)
-    text = content.splitlines()
-    if is_listing(content):
-        text = echoed_deck(text)
-        content = "\n".join(text)
-    reader = _Reader("executive" if _has_control(content, text) else "bulk", path.parent, frozenset(names))
+    text = _text_of(path)
+    if is_listing(text.content):
+        text = _Text("\n".join(echoed_deck(text.lines)))
+    reader = _Reader("executive" if text.has_control else "bulk", path.parent, frozenset(names))
     reader.read_file(path, text)
     reader.close_card()
     return CardFile(
@@ -93,13 +94,47 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     )
 
 
-def _has_control(content: str, text: list[str]) -> bool:
-    """True for a file with executive or case control; a punched superelement has BEGIN SUPER but no control before."""
-    upper = content.upper()
-    if "CEND" not in upper and "BEGIN" not in upper:
-        # Most of a large deck is in included files, which have neither.
-        return False
-    return any(_CEND.match(line) or ((begin := _BEGIN.match(line)) and begin[2] is None) for line in text)
+@contextmanager
+def texts_kept() -> Iterator[None]:
+    """Keep the text of every deck while the block lasts: reading other cards of it then costs half as much."""
+    token = _KEPT.set({})
+    try:
+        yield
+    finally:
+        _KEPT.reset(token)
+
+
+class _Text:
+    """Text of a file and its lines."""
+
+    def __init__(self, content: str) -> None:
+        self.content, self.lines = content, content.splitlines()
+
+    @cached_property
+    def bulk(self) -> BulkLines:
+        """The lines, sorted by the cards that begin in them."""
+        return BulkLines(self.lines, _is_control)
+
+    @cached_property
+    def has_control(self) -> bool:
+        """True with executive or case control; a punched superelement has BEGIN SUPER but no control before."""
+        upper = self.content.upper()
+        if "CEND" not in upper and "BEGIN" not in upper:
+            # Most of a large deck is in included files, which have neither.
+            return False
+        return any(_CEND.match(line) or ((begin := _BEGIN.match(line)) and begin[2] is None) for line in self.lines)
+
+
+_KEPT: ContextVar[dict[Path, _Text] | None] = ContextVar("texts_kept", default=None)
+
+
+def _text_of(path: Path, subject: str = "") -> _Text:
+    kept = _KEPT.get()
+    if kept is None:
+        return _Text(read_text(path, subject))
+    if path not in kept:
+        kept[path] = _Text(read_text(path, subject))
+    return kept[path]
 
 
 class _Reader:
@@ -119,19 +154,17 @@ class _Reader:
         self.sections: dict[int, dict[str, list[Card | CardBlock]]] = {}
         self.files: list[Path] = []
 
-    def read_file(self, path: Path, text: list[str], chain: tuple[Path, ...] = ()) -> None:
+    def read_file(self, path: Path, text: _Text, chain: tuple[Path, ...] = ()) -> None:
         """Read the lines of a file that the files of a chain include."""
         if path.resolve() in [p.resolve() for p in chain]:
             raise ReadError(f"{path} includes itself: {' -> '.join(str(p) for p in (*chain, path))}")
         self.files.append(path)
-        bulk: BulkLines | None = None
-        at = 0
-        while at < len(text) and not self._done:
+        lines, at = text.lines, 0
+        while at < len(lines) and not self._done:
             if self._part == "bulk":
-                bulk = bulk or BulkLines(text, self._names, _is_control)
-                at = self._read_cards(path, text, bulk, at)
-            if at < len(text):
-                at = self._read_control(path, text, at, chain)
+                at = self._read_cards(path, text, at)
+            if at < len(lines):
+                at = self._read_control(path, lines, at, chain)
 
     def close_card(self) -> None:
         """Store the card, which is complete now."""
@@ -149,22 +182,24 @@ class _Reader:
         if card.follow[1:]:
             self._waiting[card.follow[1:]] = card, section, place
 
-    def _read_cards(self, path: Path, text: list[str], bulk: BulkLines, at: int) -> int:
+    def _read_cards(self, path: Path, text: _Text, at: int) -> int:
         """Read bulk data up to the next line of control, which is returned."""
+        lines, bulk, names = text.lines, text.bulk, self._names
         first, last, stop = bulk.stretch(at)
-        if self._waiting or bulk.refer_to_others(at, stop):
+        if self._waiting or bulk.refer_to_others(at, stop, names):
             first = last = stop
         for k in range(at, first):
-            self._read_line(text[k], path, k + 1)
+            self._read_line(lines[k], path, k + 1)
         if first < last:
             self.close_card()
             if self._section != _ELSEWHERE and not self._waiting:
-                for block in bulk.cards(first, last, path, lambda begin, end: self._one_card(path, text, begin, end)):
+                one = partial(self._one_card, path, lines)
+                for block in bulk.cards(first, last, names, path, one):
                     self.sections.setdefault(self._section, {}).setdefault(block.name, []).append(block)
             else:
                 last = first
         for k in range(last, stop):
-            self._read_line(text[k], path, k + 1)
+            self._read_line(lines[k], path, k + 1)
         return stop
 
     def _one_card(self, path: Path, text: list[str], begin: int, end: int) -> Card:
@@ -192,7 +227,7 @@ class _Reader:
         tried = list(dict.fromkeys([chain[-1].parent / given, self._root / given]))
         for candidate in tried:
             if candidate.is_file():
-                self.read_file(candidate, read_text(candidate, f"{where}: INCLUDE {candidate}").splitlines(), chain)
+                self.read_file(candidate, _text_of(candidate, f"{where}: INCLUDE {candidate}"), chain)
                 return
         # Executive control includes DMAP, which is often left on the machine of the run; nothing here depends on it.
         if self._part != "executive":

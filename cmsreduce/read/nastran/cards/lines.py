@@ -30,8 +30,8 @@ _EMPTY_NAME = np.isin(np.arange(256), list(b" +*"))
 # Lines of control have one of these words in them.
 _CONTROL = b"INCLUDE", b"BEGIN", b"ENDDATA"
 
-# Kinds of lines by their first field; names that are wanted count on from the last.
-_MORE, _OTHER_CARD, _REPEAT, _WANTED = range(4)
+# Kinds of lines by their first field; names of cards count on from the last, in the order of `BulkLines._number`.
+_MORE, _REPEAT, _NAMED = range(3)
 
 
 def plain_line(raw: str) -> str:
@@ -46,13 +46,11 @@ class BulkLines:
     ----------
     text : sequence of str
         The lines.
-    names : collection of str
-        Names of the cards that are wanted.
     is_control : callable
         True for a line that is no part of a card although one of the words of control is in it.
     """
 
-    def __init__(self, text: Sequence[str], names: Collection[str], is_control: Callable[[str], bool]) -> None:
+    def __init__(self, text: Sequence[str], is_control: Callable[[str], bool]) -> None:
         joined = "\n".join(text).encode("ascii", "replace").upper() + b"\n"
         self._data = np.frombuffer(joined + b" " * (2 * _LONGEST), dtype=np.uint8)
         data = self._data[: len(joined)]
@@ -67,9 +65,10 @@ class BulkLines:
         odd = np.flatnonzero(np.frombuffer(joined.translate(_ODD), dtype=np.uint8))
         self._odd = np.zeros(len(ends), dtype=bool)
         self._odd[self._line_of(odd[odd < self._stops[self._line_of(odd)]])] = True
-        self._names = sorted(names)
+        # Names of all cards, numbered as they are found.
+        self._number: dict[str, int] = {}
         self._kind = self._kinds(text)
-        self._new = (self._kind == _OTHER_CARD) | (self._kind >= _WANTED)
+        self._new = self._kind >= _NAMED
         self._refers, self._announced = self._references(text)
         self._control = self._control_lines(text, joined, is_control)
 
@@ -112,7 +111,12 @@ class BulkLines:
         if first[0] == "=":
             return _REPEAT
         name = first.rstrip("*").strip()
-        return _WANTED + self._names.index(name) if name in self._names else _OTHER_CARD
+        return _NAMED + self._number.setdefault(name, len(self._number))
+
+    def _are_wanted(self, kind: Ints, names: Collection[str]) -> Flags:
+        """True for kinds that are cards of some names."""
+        wanted = np.array([False] * _NAMED + [name in names for name in self._number])
+        return np.asarray(wanted[kind])
 
     def _control_lines(self, text: Sequence[str], joined: bytes, is_control: Callable[[str], bool]) -> Ints:
         found = set()
@@ -144,14 +148,14 @@ class BulkLines:
         new = np.flatnonzero(self._new[at:stop]) + at
         return (int(new[0]), int(new[-1]), stop) if new.size else (stop, stop, stop)
 
-    def refer_to_others(self, at: int, stop: int) -> bool:
-        """True if lines have a wanted card whose fields, continuations or repetitions are those of other lines.
+    def refer_to_others(self, at: int, stop: int, names: Collection[str]) -> bool:
+        """True if lines have a card of some names whose fields, continuations or repetitions are those of other lines.
 
         A field may be that of the card above (``=``, ``*1``), a line may repeat a card, and a card that ends with the
         name of a continuation goes on anywhere in the deck.
         """
         owner = self._kind[at:stop][np.maximum.accumulate(np.where(self._new[at:stop], np.arange(stop - at), 0))]
-        wanted = owner >= _WANTED
+        wanted = self._are_wanted(owner, names)
         repeated = self._kind[at:stop] == _REPEAT
         open_end = self._announced[at:stop].copy()
         # The card goes on in the next line.
@@ -181,13 +185,17 @@ class BulkLines:
             announced[at] = bool(whole[_BODY_END + 1 : _LONGEST].strip())
         return refers, announced
 
-    def cards(self, first: int, last: int, path: Path, read_one: Callable[[int, int], Card]) -> list[CardBlock]:
-        """Wanted cards of some lines that refer to no others, a block for each name, in the order of first cards.
+    def cards(
+        self, first: int, last: int, names: Collection[str], path: Path, read_one: Callable[[int, int], Card]
+    ) -> list[CardBlock]:
+        """Cards of some names in lines that refer to no others, a block for each name, in the order of first cards.
 
         Parameters
         ----------
         first, last : int
             Lines as of `stretch`.
+        names : collection of str
+            Names of the cards that are wanted.
         path : Path
             Their file.
         read_one : callable
@@ -200,7 +208,7 @@ class BulkLines:
         begins = np.flatnonzero(self._new[first:last]) + first
         ends = np.append(begins[1:], last)
         kind = self._kind[begins]
-        wanted = np.flatnonzero(kind >= _WANTED)
+        wanted = np.flatnonzero(self._are_wanted(kind, names))
         if not wanted.size:
             return []
         begins, ends, kind = begins[wanted], ends[wanted], kind[wanted]
@@ -213,7 +221,7 @@ class BulkLines:
         apart = np.zeros(len(begins), dtype=bool)
         apart[card[apart_lines]] = True
         singles = {at: read_one(int(begins[at]), int(ends[at])) for at in np.flatnonzero(apart).tolist()}
-        blocks = []
+        blocks, known = [], list(self._number)
         for one in kind[np.sort(np.unique(kind, return_index=True)[1])].tolist():
             of_name = np.flatnonzero(kind == one)
             local = np.full(len(begins), -1, dtype=np.int64)
@@ -221,7 +229,7 @@ class BulkLines:
             these = np.flatnonzero((local[card] >= 0) & ~apart[card])
             fields, start = self._block(lines[these], local[card[these]], of_name.size)
             singly = {int(local[at]): made for at, made in singles.items() if local[at] >= 0}
-            blocks.append(CardBlock(self._names[one - _WANTED], path, begins[of_name] + 1, fields, start, singly))
+            blocks.append(CardBlock(known[one - _NAMED], path, begins[of_name] + 1, fields, start, singly))
         return blocks
 
     def _lines_of_cards(self, begins: Ints, ends: Ints) -> tuple[Ints, Ints]:
