@@ -160,13 +160,10 @@ def _within(M: sp.csc_array, K: sp.csc_array) -> bool:
 
 def _coupled(A: sp.csc_array, node: NDArray[np.int64], count: int, share: float) -> tuple[Graph, Graph]:
     """Pairs of different nodes that a matrix couples by more than rounding, and by any entry: symmetric, of ones."""
-    column = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
-    short = node.astype(np.int32)
-    first, second = short[A.indices], short[column]
-    apart = np.flatnonzero((first != second) & (A.data != 0))
-    own = np.sqrt(abs(A.diagonal()))
-    firm = abs(A.data[apart]) > share * own[A.indices[apart]] * own[column[apart]]
-    first, second = first[apart], second[apart]
+    counts, short, own = np.diff(A.indptr), node.astype(np.int32), np.sqrt(abs(A.diagonal()))
+    first, second = short[A.indices], np.repeat(short, counts)
+    apart = (first != second) & (A.data != 0)
+    firm = apart & (abs(A.data) > share * own[A.indices] * np.repeat(own, counts))
 
     def graph(rows: NDArray[np.int32], columns: NDArray[np.int32]) -> Graph:
         ones = np.ones(rows.size, dtype=np.int32)
@@ -174,8 +171,8 @@ def _coupled(A: sp.csc_array, node: NDArray[np.int64], count: int, share: float)
         found.data[:] = 1
         return found
 
-    whole = graph(first, second)
-    return (whole if firm.all() else graph(first[firm], second[firm])), whole
+    whole = graph(first[apart], second[apart])
+    return (whole if (firm == apart).all() else graph(first[firm], second[firm])), whole
 
 
 def _relabelled(graph: Graph, label: NDArray[np.int64]) -> Graph:
