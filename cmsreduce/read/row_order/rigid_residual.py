@@ -154,7 +154,8 @@ def rigid_residual(
     off = 0.0
     if not exact and motions.shape[1] == _ALL and not over[:, shown].any():
         off = _off_the_mesh(np.maximum(at - explained, 0.0), moved(1.0, 0.0), _SAME_PLACES * length)
-        explained += moved(off, 0.0)
+        if off:
+            explained += moved(off, 0.0)
     limits, known = spread, max(noise, CONDENSATION if condensed else 0.0)
     if (at > explained).any():
         limits.append((_left_out(K, dofs, shapes), _CANCELLED))
