@@ -29,7 +29,10 @@ _MOMENT = 1e-6
 
 def lumps(body: FEModel) -> Array | None:
     """Least eigenvalue of each node's block of a lumped mass, scaled to a unit diagonal; None if nodes are coupled."""
-    M = body.M
+    M, (_, rows) = body.M, np.unique(body.dofs.node, return_counts=True)
+    if np.diff(M.indptr).max(initial=0) > rows.max(initial=0):
+        # The block of a node has no more entries in a column.
+        return None
     column = np.repeat(np.arange(body.n), np.diff(M.indptr))
     if (body.dofs.node[M.indices] != body.dofs.node[column]).any():
         return None

@@ -181,7 +181,7 @@ def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[Part], 
             raise NotCountedError
         corners = nodes.xyz[faces.nodes]
         _refuse_curved(faces, corners, nodes)
-        volume = solid_volumes(corners)[0]
+        volume = solid_volumes(corners, points=2)[0]
         G = faces.each(lambda p: _isotropic(p.integer(1), materials).G)
         lame = faces.each(lambda p: _lame(_isotropic(p.integer(1), materials)))
         trace = np.array([1.0, 1, 1, 0, 0, 0])

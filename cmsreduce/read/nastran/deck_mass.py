@@ -268,7 +268,7 @@ def _plate_shares(corners: Array, area: Array) -> Array:
 
 def _as_inertia(second: Array) -> Array:
     """Size of the inertia (e, 3, 3) of second moments of mass."""
-    return np.asarray(abs(np.trace(second, axis1=1, axis2=2)[:, None, None] * np.eye(3) - second))
+    return np.asarray(abs(np.einsum("eii->e", second)[:, None, None] * np.eye(3) - second))
 
 
 def _plate_areas(corners: Array) -> tuple[Array, Array, Array]:
@@ -291,7 +291,7 @@ def _plate_areas(corners: Array) -> tuple[Array, Array, Array]:
     return np.asarray(area), np.asarray(moment / np.maximum(area, np.finfo(float).tiny)[:, None]), np.asarray(second)
 
 
-def solid_volumes(corners: Array) -> tuple[Array, Array, Array]:
+def solid_volumes(corners: Array, points: int = 3) -> tuple[Array, Array, Array]:
     """Volumes (e,), centres (e, 3) and second moments (e, 3, 3) of solids with straight edges (e, 4, 6 or 8, 3).
 
     Two Gauss points each way integrate the volume and the centre of a trilinear map exactly, and the second moment of
@@ -299,9 +299,9 @@ def solid_volumes(corners: Array) -> tuple[Array, Array, Array]:
     """
     # Axes first, elements last: every step is one pass over long rows.
     x = np.ascontiguousarray(corners[:, list(_CORNERS[corners.shape[1]])].transpose(2, 1, 0))
-    at, (places, weights) = np.array(_HEXAHEDRON, dtype=np.float64), np.polynomial.legendre.leggauss(3)
+    at, (places, weights) = np.array(_HEXAHEDRON, dtype=np.float64), np.polynomial.legendre.leggauss(points)
     volume, moment, second = np.zeros(x.shape[2]), np.zeros((3, x.shape[2])), np.zeros((3, 3, x.shape[2]))
-    for ijk in itertools.product(range(3), repeat=3):
+    for ijk in itertools.product(range(points), repeat=3):
         terms = 1 + at * places[list(ijk)]
         slope = np.array([at[:, k] * terms[:, (k + 1) % 3] * terms[:, (k + 2) % 3] / 8 for k in range(3)])
         # The map's Jacobian by rows, and the place of the point.
