@@ -1,11 +1,10 @@
-"""Null space of the constraints, and redundant constraints: motions that joints lock twice."""
+"""Null space of the constraints, and the scale of the coordinates that it joins."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 import scipy.linalg as la
@@ -13,10 +12,6 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.joints import Constraints
-from cmsreduce.assemble.points import PointStack
-from cmsreduce.errors import ConstraintError
-from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, row_basis
 from cmsreduce.model import Matrix, Substructure, is_gyroscopic
 
@@ -26,8 +21,6 @@ __all__ = [
     "connected_rows",
     "constraint_space",
     "coordinate_scale",
-    "settle_redundant",
-    "redundant_rows",
 ]
 
 Array = NDArray[np.float64]
@@ -39,10 +32,6 @@ _MOSTLY_FREE = 0.5
 _NO_WEIGHT = 1e-14
 # Rows of the tiles in which a large matrix is transposed: two tiles fit a cache of the second level.
 _TILE = 128
-# A row is dependent when less than this share of it lies outside the span of the others.
-_DEPENDENT = 1e-7
-# Motions named in a message.
-_NAMED = 8
 # Scales of coordinates that differ by less need no balance: the least mass then keeps eight digits beside the others.
 _ALIKE = 1e4
 
@@ -125,7 +114,7 @@ def congruent_damping(space: ConstraintSpace, blocks: Sequence[Matrix]) -> Matri
     return sp.csc_array(symmetric + skew) if sp.issparse(symmetric) else np.asarray(symmetric + skew)
 
 
-def coordinate_scale(substructures: Sequence[Substructure]) -> Array | None:
+def coordinate_scale(substructures: Sequence[Substructure], A: sp.csr_array) -> Array | None:
     """Scale of the stacked coordinates of bodies with which all have masses of one size; None where they nearly have.
 
     Modes have unit mass, a node of a micromachine 1e-15 kg. In an orthonormal null space over both, the light ones
@@ -135,6 +124,8 @@ def coordinate_scale(substructures: Sequence[Substructure]) -> Array | None:
     ----------
     substructures : sequence of Substructure
         In the order of their coordinates.
+    A : (c, n) sparse array
+        Constraints.
     """
     scales, largest = [], 0.0
     for sub in substructures:
@@ -147,9 +138,18 @@ def coordinate_scale(substructures: Sequence[Substructure]) -> Array | None:
             scales.append(np.ones(sub.m) if sub.omega is not None else 1 / np.sqrt(mass))
         if sub.interfaces:
             largest = max(largest, float(scales[-1].max(where=np.isfinite(scales[-1]), initial=0.0)))
-    # Springs and inertias of joints have no interfaces: they follow the bodies, whatever little mass they have.
     scale = np.minimum(np.concatenate(scales), largest or 1.0)
-    return None if scale.max(initial=0.0) <= _ALIKE * scale.min(initial=np.inf) else scale
+    follows = np.repeat([not sub.interfaces for sub in substructures], [sub.m for sub in substructures])
+    of_bodies = scale[~follows]
+    if of_bodies.max(initial=0.0) <= _ALIKE * of_bodies.min(initial=np.inf):
+        return None
+    # Springs and inertias of joints have no interfaces. Each follows the bodies that move it, whatever mass it has: its
+    # scale is such that the largest of them moves it by one.
+    moved, own = np.zeros(A.shape[0]), np.zeros(scale.size)
+    row, column, weight = sp.find(abs(A))
+    np.maximum.at(moved, row, weight * np.where(follows, 0.0, scale)[column])
+    np.maximum.at(own, column, moved[row] / weight)
+    return np.where(follows & (own > 0), own, scale)
 
 
 def constraint_space(A: sp.csr_array, scale: Array | None = None) -> ConstraintSpace:
@@ -249,98 +249,3 @@ def _reflector(A: Array) -> Array:
     X = Q.copy()
     X[:r] += U @ Wt
     return np.asarray(X @ (Wt.T / np.sqrt(1 + S)))
-
-
-def settle_redundant(
-    stack: PointStack, constraints: Constraints, policy: Literal["refuse", "drop"]
-) -> tuple[Constraints, tuple[str, ...]]:
-    """Refuse joints that lock the same motion twice, or drop the rows that do so.
-
-    Parameters
-    ----------
-    stack : PointStack
-        Points of all bodies.
-    constraints : Constraints
-        Rows of joints and ground.
-    policy : {"refuse", "drop"}
-        Treatment of redundant rows.
-
-    Returns
-    -------
-    constraints : Constraints
-        Without redundant rows.
-    notes : tuple of str
-        Rows that were dropped.
-
-    Raises
-    ------
-    ConstraintError
-        With the joints and motions that are locked already.
-    """
-    redundant = redundant_rows(stack, constraints)
-    if not redundant.size:
-        return constraints, ()
-    named = [constraints.owner[k] for k in redundant]
-    count = f"{redundant.size} of {len(constraints.owner)} locked motions are locked already by the joints before them"
-    if policy == "refuse":
-        raise ConstraintError(
-            f"the joints over-constrain the bodies: {count}: {', '.join(named[:_NAMED])}"
-            f"{' ...' if len(named) > _NAMED else ''}. Free these motions (`free: [...]`), remove the joint that "
-            "closes the loop, or leave them out with `scene.redundant: drop`"
-        )
-    left = np.setdiff1d(np.arange(len(constraints.owner)), redundant)
-    note = (
-        f"redundant joints: {count} and are left out: {', '.join(named)}. The motion is the same without them; which "
-        "of the joints carries their load is undetermined"
-    )
-    return replace(constraints, A=constraints.A[left], owner=tuple(constraints.owner[k] for k in left)), (note,)
-
-
-def redundant_rows(stack: PointStack, constraints: Constraints) -> Indices:
-    """Find rows that depend on earlier ones and leave the joint forces undetermined.
-
-    The points of a flexible body move independently, those of a rigid body together.
-
-    Parameters
-    ----------
-    stack : PointStack
-        Points of all bodies.
-    constraints : Constraints
-        Rows of joints and ground.
-
-    Returns
-    -------
-    (k,) int64
-        Ascending.
-    """
-    parts = [constraints.A[:, :0]]
-    for name, sub in stack.substructures.items():
-        A = constraints.A[:, stack.body_columns(name)]
-        # A flexible body with only its rigid modes kept has as many coordinates, but its joints are no error.
-        rigid = sub.omega is None and sub.rigid.shape[1] == sub.m
-        parts.append(A @ dense(stack.motions(name)) if rigid else A)
-    # Rotations are scaled by the arms that turn them into displacements.
-    A = np.hstack(parts)
-    found = [rows[_dependent(A[rows])] for rows in connected_rows(A)]
-    return np.sort(np.concatenate([np.empty(0, dtype=np.int64), *found, np.flatnonzero(~A.any(axis=1))]))
-
-
-def _dependent(A: Array) -> Indices:
-    """Rows that depend on earlier ones of the same group."""
-    A = A[:, A.any(axis=0)]
-    A = A / np.linalg.norm(A, axis=1, keepdims=True)
-    # The smallest singular value bounds the distance of every row to the span of the others.
-    if A.shape[0] <= A.shape[1] and la.svdvals(A)[-1] > _DEPENDENT:
-        return np.empty(0, dtype=np.int64)
-    basis = np.empty((0, A.shape[1]))
-    redundant = []
-    for k, row in enumerate(A):
-        left = row
-        for _ in range(2):
-            left = left - (basis @ left) @ basis
-        rest = np.linalg.norm(left)
-        if rest <= _DEPENDENT:
-            redundant.append(k)
-        else:
-            basis = np.vstack([basis, left / rest])
-    return np.array(redundant, dtype=np.int64)

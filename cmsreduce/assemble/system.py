@@ -10,11 +10,12 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.constraint_space import congruent_damping, constraint_space, coordinate_scale, settle_redundant
+from cmsreduce.assemble.constraint_space import congruent_damping, constraint_space, coordinate_scale
 from cmsreduce.assemble.joint_elements import element_rows, with_joint_bodies
 from cmsreduce.assemble.joints import check_loops, constrain, relative_motion
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.redundant_joints import settle_redundant
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, null_space
@@ -246,7 +247,7 @@ def assemble(
     stack, wiring = wired
     substructures = stack.substructures
     A = stack.spread(wiring.A)
-    space = constraint_space(A, coordinate_scale(tuple(substructures.values())))
+    space = constraint_space(A, coordinate_scale(tuple(substructures.values()), A))
     T = space.T
     M, K = (space.congruent([getattr(sub, letter) for sub in substructures.values()]) for letter in ("M", "K"))
     D, loss = (
