@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
+from copy import copy
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
+from uuid import uuid4
 
 from cmsreduce.config import Pipeline, load_pipeline
 from cmsreduce.model import ConfigurationResult, Failure
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
-from cmsreduce.pipeline.batch.workers import Workers, common_work
+from cmsreduce.pipeline.batch.workers import Workers
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import CommonWork, Failures, Progress, Silent, collecting, report_failures
 from cmsreduce.pipeline.system import ReducedModel
@@ -20,13 +24,14 @@ from cmsreduce.read import expect_kind
 __all__ = ["ParallelRun", "opened_run"]
 
 
-class _Task(NamedTuple):
-    """Input of a process that opens the same run."""
+@dataclass(frozen=True)
+class _Opening:
+    """A run as other processes open it, each once for all its tasks."""
 
-    source: Path
-    overrides: tuple[str, ...]
+    pipeline: Pipeline = field(compare=False)
     folder: Path
     memory: float | None
+    number: str = field(default_factory=lambda: uuid4().hex)
 
 
 class ParallelRun(Run):
@@ -41,27 +46,17 @@ class ParallelRun(Run):
     folder : Path
         Run directory, which the processes must see under the same name.
     progress : Progress
-    source : Path
-        The pipeline file.
-    overrides : sequence of str
     workers : Workers
     executor : Executor
         Executor that runs the tasks of the workers.
     """
 
     def __init__(
-        self,
-        pipeline: Pipeline,
-        folder: Path,
-        progress: Progress,
-        source: Path,
-        overrides: Sequence[str],
-        workers: Workers,
-        executor: Executor,
+        self, pipeline: Pipeline, folder: Path, progress: Progress, workers: Workers, executor: Executor
     ) -> None:
         super().__init__(pipeline, folder, progress, common=CommonWork())
         self._workers, self._executor = workers, executor
-        self._task = _Task(source, tuple(overrides), folder.resolve(), workers.memory)
+        self._opening = _Opening(pipeline, folder.resolve(), workers.memory)
 
     def finish_bodies(self) -> None:
         """Reduce and orthonormalise all bodies, each in a process of its own; copies of a body are done with it."""
@@ -97,7 +92,7 @@ class ParallelRun(Run):
         futures = {}
         for each in arguments:
             try:
-                futures[self._workers.submit(self._executor, work, self._task, *each)] = each
+                futures[self._workers.submit(self._executor, work, self._opening, *each)] = each
             except self._workers.lost:
                 break
         for number, future in enumerate(as_completed(futures), 1):
@@ -156,27 +151,35 @@ def opened_run(
             yield alone
             return
         with workers.start(workers.count) as executor:
-            run = ParallelRun(pipeline, folder, progress, source, overrides, workers, executor)
+            run = ParallelRun(pipeline, folder, progress, workers, executor)
             run.finish_bodies()
             yield run
 
 
-def _opened(task: _Task) -> Run:
-    run = Run(load_pipeline(task.source, task.overrides), task.folder, Silent(), common=common_work())
-    run.stages.share_memory(task.memory)
+@lru_cache(maxsize=1)
+def _opened(opening: _Opening) -> Run:
+    # A process keeps what one task reads, proves and factorises for its next ones.
+    run = Run(opening.pipeline, opening.folder, Silent(), common=CommonWork())
+    run.stages.share_memory(opening.memory)
+    run.makes_reference = run.pipeline.verify is not None
     return run
 
 
-def _finish_body(task: _Task, name: str) -> bool | None:
+def _finish_body(opening: _Opening, name: str) -> bool | None:
     try:
-        run = _opened(task)
-        run.makes_reference = run.pipeline.verify is not None
+        opened = _opened(opening)
         # Proven here, so that its factor serves its reduction; processes share what they prove of the others.
-        run.flexible(name)
+        opened.flexible(name)
+        _ = opened.bodies
+        # The results of the body are on disk: the process holds the bodies as read alone.
+        run = copy(opened)
+        vars(run)["_results"] = dict(vars(opened)["_results"])
         if name in run.reduced_names:
             run.modal(name)
         if run.pipeline.verify is not None and name not in run.mode_sets.unneeded:
             run.reference(name)
+        if run.pipeline.verify is not None and name in run.reduced_names and run.measure.checks_statics(name):
+            run.unit_loads(name)
     except Exception:
         # Any error: the run that gave the task meets the same one in its own process, and reports it.
         return None
@@ -184,11 +187,11 @@ def _finish_body(task: _Task, name: str) -> bool | None:
 
 
 def _measure(
-    task: _Task, numbers: Sequence[int]
+    opening: _Opening, numbers: Sequence[int]
 ) -> tuple[dict[int, ConfigurationResult], tuple[Failure, ...], float, float] | None:
     """Results of some configurations, failures, and the wall times of the two models' responses."""
     try:
-        run = _opened(task)
+        run = _opened(opening)
         comparison = run.comparison
         # Another task of this process may have used the same model.
         comparison.reference_seconds = comparison.reduced_seconds = 0.0

@@ -15,10 +15,10 @@ from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import Reference, all_modes_fit, damping_remark, in_free_modes, reference
 from cmsreduce.pipeline.choose import CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import SceneBasis, SceneShapes
-from cmsreduce.pipeline.run.keys import reference_key
+from cmsreduce.pipeline.run.keys import read_key, reference_key
 from cmsreduce.pipeline.run.reading import HELD, ReadStages
-from cmsreduce.pipeline.store import once, stage
-from cmsreduce.pipeline.system import AssembledModel, ReducedModel
+from cmsreduce.pipeline.store import once, stage, stage_key
+from cmsreduce.pipeline.system import AssembledModel, ReducedModel, UnitLoads, unit_loads
 from cmsreduce.reduce import Examined
 
 __all__ = ["BodyStages"]
@@ -242,6 +242,16 @@ class BodyStages(ReadStages):
         """Representation of one unreduced body; copies of a body have one."""
         found = self._reference(name)
         return found if found.modes is None else replace(found, modes=self._named(found.modes, name))
+
+    @stage(
+        "reference",
+        what=lambda run, name: f"{name}.static",
+        key=lambda run, name: stage_key("verify", run.proof_key(name), read_key(run.pipeline, name)),
+        stored="in common",
+    )
+    def unit_loads(self, name: str) -> UnitLoads:
+        """Unit loads at the interfaces and actuators of one unreduced body."""
+        return unit_loads(self.bodies[name], self.scene)
 
     @property
     @once

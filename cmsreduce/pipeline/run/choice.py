@@ -95,7 +95,7 @@ class ChoiceStages(BodyStages):
         """The measure of a model of the scene: errors and checks, under the limits of the run."""
         keys = self.pipeline.verify or VerifyKeys()
         comparison, untruncated = (lambda: self.comparison), (lambda: self.untruncated)
-        return ModelMeasure(keys, self.scene, self.bodies, comparison, untruncated, self.controller)
+        return ModelMeasure(keys, self.scene, self.bodies, comparison, untruncated, self.controller, self.unit_loads)
 
     def _system_key(self, stage: str) -> str:
         bodies = {name: self.mode_sets.modal_key(name) for name in self.bodies}

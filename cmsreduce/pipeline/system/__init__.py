@@ -14,7 +14,7 @@ from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.measure import MODEL, ModelMeasure
 from cmsreduce.pipeline.system.model_errors import Target
 from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality, mass_products
-from cmsreduce.pipeline.system.reduction_health import channel_gains, reduction_checks
+from cmsreduce.pipeline.system.reduction_health import UnitLoads, channel_gains, reduction_checks, unit_loads
 from cmsreduce.pipeline.system.simulation_cost import reduced_cost, selection_cost
 from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy
 
@@ -28,6 +28,7 @@ __all__ = [
     "ReducedModel",
     "SystemRoots",
     "Target",
+    "UnitLoads",
     "axis_completeness",
     "channel_gains",
     "closed_loop",
@@ -44,5 +45,6 @@ __all__ = [
     "stability_proof",
     "system_errors",
     "system_roots",
+    "unit_loads",
     "without_energy",
 ]

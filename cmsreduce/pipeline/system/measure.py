@@ -37,7 +37,13 @@ from cmsreduce.pipeline.system.completeness import axis_completeness
 from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.model_errors import Target, model_errors
 from cmsreduce.pipeline.system.reduced_model import ReducedModel
-from cmsreduce.pipeline.system.reduction_health import StaticProbes, reduction_checks, static_probes
+from cmsreduce.pipeline.system.reduction_health import (
+    StaticProbes,
+    UnitLoads,
+    checks_statics,
+    reduction_checks,
+    unit_loads,
+)
 from cmsreduce.pipeline.system.stability import SystemRoots, system_roots
 
 __all__ = ["MODEL", "ModelMeasure"]
@@ -63,6 +69,8 @@ class ModelMeasure:
         Gives the system with every mode of the mode sets.
     controller : Controller, optional
         Of the scene.
+    loaded : callable, optional
+        Gives the unit loads of a body, which are made anew otherwise.
     """
 
     def __init__(
@@ -73,9 +81,11 @@ class ModelMeasure:
         comparison: Callable[[], Comparison],
         untruncated: Callable[[], ReducedModel],
         controller: Controller | None = None,
+        loaded: Callable[[str], UnitLoads] | None = None,
     ) -> None:
         self.keys, self.scene, self.bodies, self.controller = keys, scene, bodies, controller
         self._comparison, self._untruncated = comparison, untruncated
+        self._loaded = loaded or (lambda name: unit_loads(bodies[name], scene))
 
     def changed(
         self,
@@ -194,9 +204,13 @@ class ModelMeasure:
             truncated=truncated,
         )
 
+    def checks_statics(self, name: str) -> bool:
+        """True if a run checks the static completeness of a body."""
+        return checks_statics(self.bodies[name].body.n, self.keys.required_checks, usual=self.keys.checks is None)
+
     def static_shares(self, components: Mapping[str, ModalComponent]) -> dict[str, StaticProbes]:
         """Shares of the static strain energy that each mode of the bodies holds."""
-        return {name: static_probes(self.bodies[name], part, self.scene) for name, part in components.items()}
+        return {name: self._loaded(name).probes(part) for name, part in components.items()}
 
     def systems(self, model: ReducedModel, configurations: Sequence[Configuration]) -> tuple[SystemModes, ...]:
         """Highest frequency of a model in each configuration."""
@@ -230,7 +244,7 @@ class ModelMeasure:
         """Static completeness, gains, zeros and step responses; see `reduction_checks`."""
         full = self.comparison.reference if self.scene.actuators and self.scene.sensors else None
         return reduction_checks(
-            required, usual, self.scene, configurations, self.bodies, components, full, model.assembled
+            required, usual, self.scene, configurations, self._loaded, components, full, model.assembled
         )
 
     @diagnostic("the completeness at the hinges", tuple, limits=("hinge_inertia",))

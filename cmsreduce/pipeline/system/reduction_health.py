@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,12 +40,13 @@ from cmsreduce.verify import (
 __all__ = [
     "AllModes",
     "StaticProbes",
+    "UnitLoads",
     "all_modes",
     "channel_gains",
+    "checks_statics",
     "reduction_checks",
-    "static_lack",
-    "static_probes",
     "step_compared",
+    "unit_loads",
     "zeros_apart",
 ]
 
@@ -99,7 +100,7 @@ def reduction_checks(
     usual: bool,
     scene: Scene,
     configurations: Sequence[Configuration],
-    bodies: Mapping[str, FlexibleBody],
+    loaded: Callable[[str], UnitLoads],
     reduced: Mapping[str, ModalComponent],
     full: AssembledModel | None,
     model: AssembledModel,
@@ -116,8 +117,8 @@ def reduction_checks(
         Channels, band.
     configurations : sequence of Configuration
         Positions of the joints.
-    bodies : mapping of name to FlexibleBody
-        As read.
+    loaded : callable
+        Gives the unit loads of a body.
     reduced : mapping of name to ModalComponent
         The reduced bodies.
     full : AssembledModel, optional
@@ -129,11 +130,10 @@ def reduction_checks(
     static: dict[str, Mapping[str, float]] = {}
     left_out: dict[str, None] = {}
     for name, modes in reduced.items() if "static" in wanted else ():
-        n = bodies[name].body.n
-        if n > _QUICK_BODY and "static" not in required:
-            left_out[f"static completeness of {name}: it needs a factorisation of {n} dofs"] = None
+        if not checks_statics(modes.body.n, required, usual=usual):
+            left_out[f"static completeness of {name}: it needs a factorisation of {modes.body.n} dofs"] = None
             continue
-        lack = _static(name, bodies[name], modes, scene)
+        lack = _static(name, loaded, modes)
         if lack is not None:
             static[name] = lack
     systems = []
@@ -172,8 +172,8 @@ def _in(*args: Any) -> str:
 
 
 @diagnostic("the static completeness of '{}'", about=lambda name, *_: name, limits=("static_lack",))
-def _static(name: str, flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> dict[str, float] | None:
-    return static_lack(flexible, modes, scene)
+def _static(name: str, loaded: Callable[[str], UnitLoads], modes: ModalComponent) -> dict[str, float] | None:
+    return loaded(name).probes(modes).lack()
 
 
 @diagnostic("the check of gains and zeros in '{}'", about=_in, limits=("gain_error", "zero_error", "zeros_lost"))
@@ -199,6 +199,11 @@ def _step(
     except MatrixError as error:
         # The damping of this system has no step response of its elastic part.
         return None, [f"step: {error}"]
+
+
+def checks_statics(n: int, required: Collection[str], *, usual: bool) -> bool:
+    """True if the static completeness of a body of n dofs is checked."""
+    return "static" in required or (usual and n <= _QUICK_BODY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,18 +232,33 @@ class StaticProbes:
         return worst
 
 
-def static_probes(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> StaticProbes:
-    """Load a body with unit loads at each of its interfaces and actuators."""
+@dataclass(frozen=True, eq=False)
+class UnitLoads:
+    """Unit loads at each of the interfaces and actuators of a body.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Such as ``interface 'tip'``.
+    loads : StaticLoads
+        Their effect on the unreduced body.
+    """
+
+    names: tuple[str, ...]
+    loads: StaticLoads
+
+    def probes(self, modes: ModalComponent) -> StaticProbes:
+        """Shares of the strain energy that some modes of the body hold."""
+        return StaticProbes(self.names, self.loads, self.loads.shares(modes))
+
+
+def unit_loads(flexible: FlexibleBody, scene: Scene) -> UnitLoads:
+    """Load an unreduced body with unit loads at each of its interfaces and actuators."""
     names, loads = probing_loads(flexible, scene, joints=True)
     acting = np.array([not load.startswith("sensor") for load in names], dtype=bool)
     acting &= abs(loads).max(axis=0, initial=0.0) > 0
     found = static_loads(flexible.body, flexible.rigid, loads[:, acting], flexible.ports.interface)
-    return StaticProbes(tuple(np.array(names)[acting].tolist()), found, found.shares(modes))
-
-
-def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> dict[str, float]:
-    """Static energy error of a reduced body under unit loads at each of its interfaces and actuators."""
-    return static_probes(flexible, modes, scene).lack()
+    return UnitLoads(tuple(np.array(names)[acting].tolist()), found)
 
 
 def all_modes(model: AssembledModel, configuration: Configuration) -> AllModes:

@@ -67,7 +67,7 @@ class Dying(Executor):
 def test_what_processes_do_not_finish_is_done_by_the_run(alone: Any, good_study: Path, tmp_path: Path) -> None:
     path = good_study / "study.yaml"
     workers = Workers(2, 1, None, lambda jobs: nullcontext(Dying()), (BrokenProcessPool,))
-    run = ParallelRun(load_pipeline(path), tmp_path, Log(), path, (), workers, Dying())
+    run = ParallelRun(load_pipeline(path), tmp_path, Log(), workers, Dying())
     run.finish_bodies()
     execute(run, path, report=False)
     assert_close(alone, summary(tmp_path))

@@ -18,12 +18,12 @@ from cmsreduce.model import Configuration, ReductionChecks
 from cmsreduce.pipeline import Run
 from cmsreduce.pipeline.store import decode, encode
 from cmsreduce.pipeline.system import AssembledModel, channel_gains
-from cmsreduce.pipeline.system.reduction_health import all_modes, static_lack, step_compared, zeros_apart
+from cmsreduce.pipeline.system.reduction_health import all_modes, step_compared, unit_loads, zeros_apart
 from tests.golden.test_hinge import joined
 
 
 def lack_of(run: Run, name: str) -> dict[str, float]:
-    return static_lack(run.bodies[name], run.final[name], run.scene)
+    return unit_loads(run.bodies[name], run.scene).probes(run.final[name]).lack()
 
 
 def test_interfaces_are_complete_until_modes_are_dropped(opened: Callable[..., Run]) -> None:
