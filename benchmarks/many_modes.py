@@ -11,6 +11,7 @@ import os
 import resource
 import sys
 import tempfile
+from math import log
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +28,9 @@ from cmsreduce.linalg.eigen import count_below  # noqa: E402
 from cmsreduce.linalg.machine import SolverSettings, solver_settings  # noqa: E402
 
 PEERS = ("cmsreduce", "arpack-multifrontal", "slepc-slices")
-# The cutoff is found by counts until it has the modes asked for, or a few less.
+# The cutoff is found by counts until it has the modes asked for, or a few less. Their number grows as a power of it.
 _FEWER = 0.01
+_POWER = 1.5
 _COUNTS = 20
 
 
@@ -58,19 +60,15 @@ def main(arguments: list[str]) -> None:
 def cutoff(problem: Problem, modes: int) -> tuple[float, int]:
     """Frequency in Hz with about so many modes below it, and their number."""
     K, M = sp.csc_array(problem.K), sp.csc_array(problem.M)
-    low, high = 0.0, problem.cutoff_hz
+    hz, count, power = problem.cutoff_hz, problem.count, _POWER
     with solver_settings(SolverSettings()):
         for _ in range(_COUNTS):
-            count = count_below(K, M, 2 * np.pi * high) or 0
-            if count >= modes:
-                break
-            low, high = high, 1.5 * high
-        for _ in range(_COUNTS):
-            hz = (low + high) / 2
-            count = count_below(K, M, 2 * np.pi * hz) or 0
+            last, before = hz, count
+            hz *= ((1 - _FEWER / 2) * modes / count) ** (1 / power)
+            count = count_below(K, M, 2 * np.pi * hz) or before
             if (1 - _FEWER) * modes <= count <= modes:
                 break
-            low, high = (hz, high) if count < modes else (low, hz)
+            power = log(count / before) / log(hz / last) or power
     return hz, count
 
 

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blocks import symmetric_product, times
+from cmsreduce.linalg.blocks import congruence, symmetric_product, times
 from cmsreduce.linalg.eigen.block_lanczos import Operator
 from cmsreduce.linalg.eigen.inverse_iteration import ShiftedModes, refined_orthonormal
 from cmsreduce.linalg.eigen.shift_invert import CONVERGED, Window, modes_about
@@ -223,7 +223,7 @@ def counted_modes(
         low = shift.sigma
         del modes, deflated
         if known.lam.size >= wanted:
-            return _joined(K, mass, known)
+            return _joined(K, M, known)
         part, start, shift = _part(wanted - known.lam.size, share), None, lowest
         shift = _next(K, M, known, low, (high, wanted), part, rigid.shape[1])
     raise MatrixError(f"{wanted} modes lie below {omega / 2 / np.pi:.6g} Hz but {known.lam.size} were found")
@@ -267,13 +267,10 @@ def _interpolated(inner: tuple[float, int], outer: tuple[float, int], count: flo
     return float(inner[0] * (count / inner[1]) ** (1 / power))
 
 
-def _joined(K: sp.csc_array, mass: Operator, known: _Known) -> ShiftedModes:
+def _joined(K: sp.csc_array, M: sp.csc_array, known: _Known) -> ShiftedModes:
     """Modes of all slices, made orthonormal together by a Rayleigh-Ritz step; overwrites the array of modes."""
     Phi, k = known.Phi, known.lam.size
-    stiffness, gram = np.empty((k, k)), np.empty((k, k))
-    for first in range(0, k, BLOCK):
-        part = slice(first, min(first + BLOCK, k))
-        gram[:, part], stiffness[:, part] = Phi.T @ mass(Phi[:, part]), Phi.T @ (K @ Phi[:, part])
+    stiffness, gram = congruence(K, Phi), congruence(M, Phi)
     for first, last in zip(known.starts, known.starts[1:], strict=False):
         # The modes of a slice are more accurate among themselves than products with K.
         own = slice(first, last)
