@@ -211,7 +211,7 @@ class Equations:
         values = y[self.values]
         for element in self.elements:
             at = element.movement
-            efforts[at] -= element.stiffness * values[at] + element.damping * rates[at]
+            efforts[at] -= element.stiffness * (values[at] - element.rest) + element.damping * rates[at]
             work -= element.damping * rates[at] ** 2
         force, change = rows.T @ efforts, np.zeros_like(y)
         for number, (body, f, own, (_, h, moment)) in enumerate(

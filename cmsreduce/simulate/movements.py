@@ -61,11 +61,12 @@ class Movement:
 
 @dataclass(frozen=True)
 class Element:
-    """Spring and damper of a movement, by its number."""
+    """Spring and damper of a movement, by its number; the spring has no force at ``rest``."""
 
     movement: int
     stiffness: float
     damping: float
+    rest: float = 0.0
 
 
 def point_row(marker: Marker, direction: Array, q: Array) -> Array:

@@ -91,7 +91,8 @@ class _Builder:
             ]
             for element in joint.joint.elements:
                 if element.stiffness or element.damping:
-                    elements.append(Element(at[element.dof], element.stiffness, element.damping))
+                    rest = self._value(joint, element.dof)
+                    elements.append(Element(at[element.dof], element.stiffness, element.damping, rest))
                 if element.inertia:
                     side = self.connections[number].first
                     axis = side.axes[element.dof - 3]

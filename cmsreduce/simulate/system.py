@@ -87,7 +87,7 @@ class MultibodySystem(Equations):
             potential += 0.5 * float(f.q @ body.K @ f.q)
             potential -= float(self.gravity @ (body.mass * f.x + f.R @ moment[:, 0]))
         values = y[self.values]
-        springs = sum(0.5 * e.stiffness * float(values[e.movement]) ** 2 for e in self.elements)
+        springs = sum(0.5 * e.stiffness * float(values[e.movement] - e.rest) ** 2 for e in self.elements)
         return kinetic, potential + springs
 
     def imbalance(self, states: Array) -> tuple[Array, float]:
