@@ -14,15 +14,16 @@ from cmsreduce.errors import SceneError, UnitsError
 from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
 
 __all__ = [
+    "COINCIDENT",
     "Constraints",
     "available",
-    "check_loops",
     "constrain",
     "digits",
     "first_motion",
     "ground_rows",
     "in_body",
     "joint_direction",
+    "reach",
     "relative_motion",
 ]
 
@@ -30,8 +31,8 @@ Array = NDArray[np.float64]
 
 # Direction cosines below this are zero: frames are known to eight digits.
 _ALIGNED = 1e-6
-# Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer.
-_COINCIDENT = 1e-5
+COINCIDENT = 1e-5
+"""Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer."""
 _UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
 
 
@@ -169,51 +170,6 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
     return Constraints(A, tuple(name for _, name in named), gap)
 
 
-def check_loops(substructures: Mapping[str, Substructure], scene: Scene, placed: Mapping[str, Placement]) -> None:
-    """Refuse configurations of closed loops that turn a joint about an axis where it is locked.
-
-    Parameters
-    ----------
-    substructures : mapping of name to Substructure
-        All bodies.
-    scene : Scene
-        Joints; inboard joints of bodies are turned by their own angles, and fit.
-    placed : mapping of body to Placement
-        Positions of the bodies.
-
-    Raises
-    ------
-    SceneError
-        With the joint, and the angle by which it does not fit.
-    """
-    for joint in scene.joints:
-        left = _turned_where_locked(substructures, scene, placed, joint)
-        if left > _COINCIDENT:
-            raise SceneError(
-                f"joint '{joint.name}' closes a loop, and the angles of the other joints turn '{joint.second}' by "
-                f"{left:.3g} rad against '{joint.first}' where it is locked: give angles that fit, or free it there"
-            )
-
-
-def _turned_where_locked(
-    substructures: Mapping[str, Substructure], scene: Scene, placed: Mapping[str, Placement], joint: Joint
-) -> float:
-    """Angle in radians between the sides of a joint beyond its free motions."""
-    axes = joint_axes(substructures, placed, joint)
-    ends = (joint.first, joint.second)
-    built = [scene.placements.get(point.body, Placement()).rotation for point in ends]
-    now = [placed[point.body].rotation for point in ends]
-    # Relative rotation since the bodies were built, along the joint's axes.
-    Q = axes @ now[1] @ built[1].T @ built[0] @ now[0].T @ axes.T
-    can = available(interface_at(substructures, joint.first), 0, axes @ now[0])
-    free = [dof - 3 for dof in range(3, 6) if dof in joint.free or not can[dof]]
-    if len(free) == 2:
-        # Rotations about the earlier axis come first, so that these two axes remain normal to each other.
-        return float(abs(Q[free[1], free[0]]))
-    kept = {0: np.eye(3), 1: np.eye(3)[:, free], 3: np.zeros((3, 0))}[len(free)]
-    return float(abs(Q @ kept - kept).max(initial=0.0))
-
-
 def _joint_rows(
     stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: Array
 ) -> list[tuple[Array, str]]:
@@ -230,7 +186,7 @@ def _joint_rows(
             "needs one node on either side"
         )
     a, b = placed[joint.first.body], placed[joint.second.body]
-    arms, size = joint_arms(stack.substructures, placed, joint), _reach(stack.substructures)
+    arms, size = joint_arms(stack.substructures, placed, joint), reach(stack.substructures)
     labels = [stack.substructures[p.body].point_labels(f) for p, f in ((joint.first, first), (joint.second, second))]
     locked = [dof for dof in range(6) if dof not in joint.free]
     found = []
@@ -264,7 +220,7 @@ def _joint_rows(
 def _check_carried(face: Interface, k: int, turn: Array, joint: Joint, size: float) -> None:
     """Refuse an arm on a node without the rotation about ``turn`` that would swing the arm."""
     missing = [face.node_frame(k)[c - 4] for c in (4, 5, 6) if c not in face.components[k]]
-    if any(abs(turn @ axis) > _COINCIDENT * size for axis in missing):
+    if any(abs(turn @ axis) > COINCIDENT * size for axis in missing):
         raise SceneError(
             f"joint '{joint.name}': its interfaces lie apart, by an offset or a slide, but '{joint.first}' (dofs "
             f"{digits(face, k)}) has no rotations to swing the arm between them. Give it a node with all six dofs"
@@ -310,9 +266,9 @@ def _coincidence(
     if not as_built:
         gap = gap @ axes.T
         gap[:, [dof for dof in joint.free if dof < 3]] = 0.0
-    size = _reach(substructures)
+    size = reach(substructures)
     distance = np.linalg.norm(gap, axis=1)
-    if distance.max() <= _COINCIDENT * size:
+    if distance.max() <= COINCIDENT * size:
         return float(distance.max() / size)
     here, there = first.position[0], second.position[0]
     for ratio, pair in _UNIT_RATIOS.items():
@@ -322,17 +278,34 @@ def _coincidence(
                     f"joint '{joint.name}': the coordinates of '{joint.second}' are {factor:g} times those of "
                     f"'{joint.first}', as {pair} are: state the units of both components (`units: mm-t-s`)"
                 )
-    k = int(np.argmax(distance))
+    k, order = int(np.argmax(distance)), _matching_order(substructures, placed, joint, COINCIDENT * size)
+    advice = (
+        f"List the nodes of '{joint.second}' in the order of the others: nodes: [{', '.join(map(str, order))}]"
+        if order
+        else "Move a body with `place:`, or give the joint an `offset:`"
+    )
     where = f" at node {first.node[k]}" if first.node[k] >= 0 else ""
     raise SceneError(
         f"joint '{joint.name}': its interfaces lie {distance[k]:.6g} apart{where} "
         f"('{joint.first}' at {_xyz(first.position[k])}, '{joint.second}' at {_xyz(second.position[k])} in their basic "
-        f"frames); they must coincide to {_COINCIDENT * size:.2g}. Move a body with `place:`, give the joint an "
-        "`offset:`, or list the nodes in matching order"
+        f"frames); they must coincide to {COINCIDENT * size:.2g}. {advice}"
     )
 
 
-def _reach(substructures: Mapping[str, Substructure]) -> float:
+def _matching_order(
+    substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint, near: float
+) -> list[int]:
+    """Nodes of the second interface, each where its node of the first lies; empty if they do not pair up."""
+    face = interface_at(substructures, joint.second)
+    there = face.position @ placed[joint.second.body].rotation.T
+    here = there - joint_gap(substructures, placed, joint)
+    away = np.linalg.norm(here[:, None] - there, axis=2)
+    partner = away.argmin(axis=1)
+    pairs = away.min(axis=1).max() <= near and len(set(partner)) == partner.size > 1
+    return [int(face.node[k]) for k in partner] if pairs else []
+
+
+def reach(substructures: Mapping[str, Substructure]) -> float:
     """Size of the system, by the coordinates of its points."""
     places = np.vstack([x for sub in substructures.values() for x in sub.position.values()])
     return max(float(np.ptp(places, axis=0).max()), float(abs(places).max()), 1e-300)

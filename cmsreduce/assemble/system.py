@@ -10,9 +10,10 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.closed_loops import check_loops, nearest_closed
 from cmsreduce.assemble.constraint_space import congruent_damping, constraint_space, coordinate_scale
 from cmsreduce.assemble.joint_elements import element_rows, with_joint_bodies
-from cmsreduce.assemble.joints import check_loops, constrain, relative_motion
+from cmsreduce.assemble.joints import constrain, relative_motion
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.redundant_joints import settle_redundant
@@ -152,17 +153,16 @@ def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wirin
     Raises
     ------
     SceneError, ConstraintError
-        As in `place_bodies`, `constrain`, `settle_redundant`, `element_rows` and `channel_rows`.
+        As in `place_bodies`, `check_loops`, `constrain`, `settle_redundant`, `element_rows` and `channel_rows`.
     """
+    if configuration.between:
+        configuration = nearest_closed(stack.substructures, scene, configuration) or configuration
     placed = place_bodies(stack.substructures, scene, configuration)
     turned = any(configuration.angles.values())
     if turned:
         constrain(stack, scene, place_bodies(stack.substructures, scene, Configuration("as built")), as_built=True)
+        check_loops(stack.substructures, scene, configuration, placed)
     constraints, notes = settle_redundant(stack, constrain(stack, scene, placed, as_built=not turned), scene.redundant)
-    free = {joint.name: joint.free for joint in scene.joints}
-    # A configuration that turns a locked joint describes a held position, in which loops need not fit.
-    if turned and all(dof in free[name] for name, dof in configuration.angles):
-        check_loops(stack.substructures, scene, placed)
     ties, _ = element_rows(stack, scene, placed)
     A = np.vstack([constraints.A, *ties])
     B, C = (

@@ -108,11 +108,14 @@ class Configuration:
         In radians, or in the scene's unit of length for a translation; motions without a value are zero.
     parameters : mapping of name to float
         Values of the parameters in the scene's units; a parameter without a value is zero.
+    between : bool
+        It lies between those that the scene names: closed loops take the nearest angles that close them.
     """
 
     name: str
     angles: Mapping[tuple[str, int], float] = field(default_factory=dict)
     parameters: Values = field(default_factory=dict)
+    between: bool = False
 
     @property
     def as_built(self) -> Configuration:

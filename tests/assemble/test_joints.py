@@ -272,6 +272,12 @@ REFUSED = {
         SceneError,
         r"'j' has free motions but its interfaces have 2 nodes each",
     ),
+    "nodes in another order": (
+        (bar(nodes=(2, 3)), bar("other", nodes=(3, 2))),
+        joint("j", "bar.h", "other.h"),
+        SceneError,
+        r"'j': its interfaces lie .*List the nodes of 'other\.h' in the order of the others: nodes: \[2, 3\]",
+    ),
     "a joint that locks nothing": (
         (bar(dofs=(1, 2, 3)), bar("other", dofs=(1, 2, 3))),
         joint("j", "bar.h", "other.h", "x y z"),
@@ -313,5 +319,5 @@ def test_a_placed_body_may_close_the_gap():
 
 def test_a_loop_that_a_setting_tears_is_refused():
     bodies = {body.name: rigid_substructure(body) for body in four_bar()}
-    with pytest.raises(SceneError, match="its interfaces lie"):
+    with pytest.raises(SceneError, match=r"closes a loop.* leave .*they fit at"):
         system(bodies, loop("rz", "rz", "rz", "rz z rx ry"), {("pin0", 5): 0.3})

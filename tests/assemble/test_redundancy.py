@@ -1,9 +1,12 @@
 """Motions locked twice: closed loops of rigid links, double ground; and bodies that float by themselves."""
 
+import re
+
 import numpy as np
 import pytest
 
 from cmsreduce.assemble import assemble, frequency_response, place_bodies, system_modes
+from cmsreduce.assemble.closed_loops import nearest_closed
 from cmsreduce.errors import ConstraintError, SceneError
 from cmsreduce.model import Channel, Configuration, Point, Scene
 from tests.assemble.rigs import at, in_joint, joint, physical, rigid_body, substructures
@@ -136,3 +139,43 @@ def test_a_loop_whose_last_joint_is_turned_where_it_is_locked_is_refused():
     subs, where = parallelogram(turn, "rz", "rz", "x y z rx ry", "rz")
     with pytest.raises(SceneError, match=r"'pin2' closes a loop.* by 0\.\d+ rad against 'bar2\.b'"):
         assemble(subs, where, where.configurations[0])
+
+
+FOUR_BAR = {("pin0", 5): 0.3, ("pin1", 5): -0.1, ("pin3", 5): 0.2}
+
+
+def unequal(turn, between=False):
+    """The links of `links` about z, turned."""
+    bodies = links()
+    configuration = Configuration("turned", turn, between=between)
+    where = scene(bodies, loop("rz", "rz", "rz", "rz"), redundant="drop", configurations=(configuration,))
+    return substructures(bodies), where
+
+
+def test_an_open_loop_is_refused_with_the_angles_that_close_it():
+    """Of joints without a setting first: the crank stays, and a circle about each pin gives the others."""
+    subs, where = unequal({("pin0", 5): 0.3})
+    with pytest.raises(SceneError, match=r"'turned': joint 'pin2' closes a loop.* leave .*they fit at") as refused:
+        assemble(subs, where, where.configurations[0])
+    told = re.findall(r"(pin\d)\.rz: (\S+) deg", str(refused.value))
+    angles = {(name, 5): np.radians(float(value)) for name, value in told}
+    assert angles["pin0", 5] == pytest.approx(0.3)
+    placed = place_bodies(*(fit := unequal(angles)), fit[1].configurations[0])
+    meets = [placed[name].rotation @ CORNERS[3] + placed[name].translation for name in ("bar2", "bar3")]
+    np.testing.assert_allclose(*meets, atol=1e-7)
+    assert np.linalg.norm(meets[0] - CORNERS[0]) == pytest.approx(0.8)
+    assert np.linalg.norm(meets[0] - (placed["bar1"].rotation @ CORNERS[2] + placed["bar1"].translation)) == (
+        pytest.approx(np.linalg.norm(CORNERS[3] - CORNERS[2]))
+    )
+    assert assemble(*fit, fit[1].configurations[0]).rigid.shape[1] == 7
+
+
+def test_between_the_angles_of_a_scene_a_loop_takes_the_nearest_that_close_it():
+    subs, where = unequal(FOUR_BAR, between=True)
+    found = assemble(subs, where, where.configurations[0])
+    assert found.rigid.shape[1] == 7
+    closed = nearest_closed(subs, where, where.configurations[0])
+    assert closed is not None
+    assert 0 < max(abs(closed.angles[axis] - angle) for axis, angle in FOUR_BAR.items()) < 0.15
+    with pytest.raises(SceneError, match="closes a loop"):
+        assemble(subs, *((fit := unequal(FOUR_BAR)[1]), fit.configurations[0]))

@@ -127,4 +127,5 @@ class ArticulationRange:
         for (joint, dof), value in zip(self.axes, values, strict=True):
             shown = np.degrees(value) if dof >= len(DOF_NAMES) // 2 else value
             labels.append(f"{joint}.{DOF_NAMES[dof]}={shown:.6g}")
-        return Configuration(" ".join(labels), dict(zip(self.axes, (float(value) for value in values), strict=True)))
+        angles = dict(zip(self.axes, (float(value) for value in values), strict=True))
+        return Configuration(" ".join(labels), angles, between=True)

@@ -138,7 +138,8 @@ def _at(word: str, axes: Sequence[Axis], place: tuple[float, ...]) -> Configurat
     pairs = list(zip(axes, place, strict=True))
     label = " ".join(_shown(axis, value) for axis, value in pairs)
     angles = {axis: value for axis, value in pairs if axis[1] != _PARAMETER}
-    return Configuration(f"{word} {label}", angles, {axis[0]: value for axis, value in pairs if axis[1] == _PARAMETER})
+    parameters = {axis[0]: value for axis, value in pairs if axis[1] == _PARAMETER}
+    return Configuration(f"{word} {label}", angles, parameters, between=True)
 
 
 def _shown(axis: Axis, value: float) -> str:
