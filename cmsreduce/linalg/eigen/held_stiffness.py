@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import rows_of
+from cmsreduce.linalg.blocks import Product, rows_of, symmetric_product
 from cmsreduce.linalg.machine import share_rows
 from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, InterfaceLast, held_factor
 
@@ -17,6 +18,9 @@ Array = NDArray[np.float64]
 # Corrections of a free motion by residuals in long double; each gains the digits that one factor gives. Where the next
 # one, which shrinks as the last one did, would change no entry by more than this share of the largest, none is needed.
 _CORRECTIONS, _CORRECTED = 3, 1e-13
+# Force of a change below this share of the shape: its rounding in double precision is below that of the whole in long
+# double, which has eleven more bits.
+_SMALL = 2.0**-11
 # Rows that are copied to long double at a time: all of them would be twice as large as the body.
 _COPIED = 4096
 
@@ -69,15 +73,20 @@ class HeldStiffness:
 
     def solved(self, X: Array) -> Array:
         """Shapes with the values of X at the held dofs that leave no force on the others."""
-        X, last = X.copy(), 0.0
+        force, last = self._force(X), 0.0
         for _ in range(_CORRECTIONS):
-            change = self.factor(self._force(X)[self.free])
+            before, X = X, X.copy()
+            change = self.factor(force[self.free])
             X[self.free] -= change
             share = float((abs(change).max(axis=0) / abs(X).max(axis=0)).max(initial=0.0))
             if share * (share / last if last > share else 1.0) <= _CORRECTED:
                 break
-            last = share
+            force, last = force + self._product(X - before) if share <= _SMALL else self._force(X), share
         return np.asarray(X)
+
+    @cached_property
+    def _product(self) -> Product:
+        return symmetric_product(self.K)
 
     def _force(self, X: Array) -> Array:
         """K X with sums in long double."""
