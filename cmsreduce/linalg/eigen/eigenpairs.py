@@ -16,7 +16,7 @@ from cmsreduce.linalg.eigen.mixed_precision import corrected_modes
 from cmsreduce.linalg.eigen.pencil import REPEATED, UndeterminedError, elastic_pairs, repeated_groups
 from cmsreduce.linalg.eigen.shift_invert import CONVERGED
 from cmsreduce.linalg.eigen.spectrum_slicing import SLICED, STEPPED, counted_modes, sturm_count
-from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, RefinedFactor, Solve, factorise
+from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, RefinedFactor, Solve, factorise, rough_solve
 
 __all__ = ["CertifiedModes", "beside_modes", "certified_modes", "count_below", "modes_below"]
 
@@ -149,9 +149,9 @@ def certified_modes(
             return CertifiedModes(np.empty(0), np.empty((n, 0)), np.empty(0))
         if solve is None:
             solve = factorise(K, what="the stiffness") if not none.size else ElasticFlexibility(K, M, none)
-        modes = None
-        if isinstance(solve, RefinedFactor) and not none.size and wanted <= SLICED:
-            modes = corrected_modes(K, M, solve, _reach(omega) ** 2 * (1 + STEPPED), wanted, tolerance)
+        modes, rough = None, rough_solve(solve)
+        if rough is not None and wanted <= SLICED:
+            modes = corrected_modes(K, M, rough, _reach(omega) ** 2 * (1 + STEPPED), wanted, tolerance, none)
         if modes is None:
             modes = counted_modes(
                 K, M, _reach(omega), wanted, rigid=none, solve=solve, start=start, tolerance=tolerance

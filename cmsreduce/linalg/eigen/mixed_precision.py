@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import SearchSpace, column_products, inner, put, symmetric_product, times
 from cmsreduce.linalg.eigen.block_lanczos import BlockLanczos, Operator
 from cmsreduce.linalg.eigen.inverse_iteration import ShiftedModes, eigen_residuals
-from cmsreduce.linalg.sparse import BLOCK, RefinedFactor
+from cmsreduce.linalg.sparse import BLOCK, RoughSolve
 
 __all__ = ["corrected_modes"]
 
@@ -36,22 +36,30 @@ _NEW = 1e-10
 
 
 def corrected_modes(
-    K: sp.csc_array, M: sp.csc_array, factor: RefinedFactor, high: float, wanted: int, tolerance: float
+    K: sp.csc_array,
+    M: sp.csc_array,
+    rough: RoughSolve,
+    high: float,
+    wanted: int,
+    tolerance: float,
+    rigid: Array,
 ) -> ShiftedModes | None:
     """Lowest modes of a pencil, as many as were counted.
 
     Parameters
     ----------
     K, M : (n, n) sparse array
-        Stiffness, positive definite, and mass.
-    factor : RefinedFactor
-        Factor of K in single precision.
+        Stiffness, positive definite except on ``rigid``, and mass.
+    rough : RoughSolve
+        Solves K x = b (elastic flexibility for a free body) to single precision.
     high : float
         Squared frequency below which the modes were counted.
     wanted : int
         Number of modes counted.
     tolerance : float
         A mode of unit mass is accepted when |K^-1 r|_M, r = K x - lam M x, is below this.
+    rigid : (n, r) float64
+        Rigid-body modes, orthonormal in M.
 
     Returns
     -------
@@ -66,19 +74,25 @@ def corrected_modes(
     J. Comput. Phys. 17 (1975), 87-94; bound: as in `inverse_iteration.polished`.
     """
     try:
-        return _corrected(K, M, factor, high, wanted, tolerance)
+        return _corrected(K, M, rough, high, wanted, tolerance, rigid)
     except la.LinAlgError:
         # Rounding has made vectors of the space linearly dependent.
         return None
 
 
 def _corrected(
-    K: sp.csc_array, M: sp.csc_array, factor: RefinedFactor, high: float, wanted: int, tolerance: float
+    K: sp.csc_array,
+    M: sp.csc_array,
+    rough: RoughSolve,
+    high: float,
+    wanted: int,
+    tolerance: float,
+    rigid: Array,
 ) -> ShiftedModes | None:
     stiffness, mass = symmetric_product(K), symmetric_product(M)
     V = SearchSpace(K.shape[0])
     A, B = np.zeros((0, 0)), np.zeros((0, 0))
-    for C in _rough_vectors(factor, mass, K.shape[0], wanted):
+    for C in _rough_vectors(rough.solve, mass, K.shape[0], wanted, rigid):
         A, B = _extended(V.inner, C, A, B, stiffness, mass)
         V.append(C)
         del C
@@ -93,12 +107,12 @@ def _corrected(
         C = np.empty(X.shape, order="F")
         for first in range(0, wanted, BLOCK):
             part = slice(first, first + BLOCK)
-            put(factor.rough(eigen_residuals(stiffness, mass, X[:, part], lam[part])), C[:, part])
+            put(rough.solve(eigen_residuals(stiffness, mass, X[:, part], lam[part])), C[:, part])
         MC = mass(C)
         # Exact corrections are orthogonal to all modes sought; the other part is noise of the solves.
         residual = np.sqrt(np.maximum(column_products(C, MC) - (inner(X, MC) ** 2).sum(axis=0), 0.0))
         # The relative error of the solves.
-        residual /= 1 - factor.contraction
+        residual /= 1 - rough.contraction
         last, worst = worst, float(residual.max())
         if worst <= tolerance:
             del MC
@@ -115,10 +129,10 @@ def _corrected(
     return None
 
 
-def _rough_vectors(factor: RefinedFactor, mass: Operator, n: int, wanted: int) -> Iterator[Array]:
+def _rough_vectors(solve: Operator, mass: Operator, n: int, wanted: int, rigid: Array) -> Iterator[Array]:
     """Ritz vectors (n, q), some at a time, of a Lanczos run with single-precision solves."""
     columns = 4 * wanted + _MORE
-    lanczos = BlockLanczos(factor.rough, mass, n, block=_WIDTH, columns=columns, sought=wanted)
+    lanczos = BlockLanczos(solve, mass, n, block=_WIDTH, columns=columns, sought=wanted, deflated=rigid)
     while not lanczos.exhausted:
         lanczos.step()
         ritz = lanczos.ritz()

@@ -17,10 +17,12 @@ from cmsreduce.linalg.sparse.flexibility import (
     SOUND_PIVOT,
     ElasticFlexibility,
     InterfaceLast,
+    RoughSolve,
     Solve,
     determinate_dofs,
     held_factor,
     motions_held,
+    rough_solve,
 )
 from cmsreduce.linalg.sparse.parts import part, share_order
 from cmsreduce.linalg.sparse.refined_factor import RefinedFactor
@@ -34,6 +36,7 @@ __all__ = [
     "InterfaceLast",
     "NotPositiveDefiniteError",
     "RefinedFactor",
+    "RoughSolve",
     "SOUND_PIVOT",
     "Solve",
     "determinate_dofs",
@@ -42,5 +45,6 @@ __all__ = [
     "installed_backends",
     "motions_held",
     "part",
+    "rough_solve",
     "share_order",
 ]

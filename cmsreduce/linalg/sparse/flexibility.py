@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import cast
+from functools import partial
+from typing import NamedTuple, cast
 
 import numpy as np
 import scipy.linalg as la
@@ -16,16 +17,19 @@ from cmsreduce.linalg.machine import current_settings
 from cmsreduce.linalg.sparse.factor import BLOCK, Factor
 from cmsreduce.linalg.sparse.factorisation import NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.sparse.parts import part
+from cmsreduce.linalg.sparse.refined_factor import RefinedFactor
 
 __all__ = [
     "HELD",
     "SOUND_PIVOT",
     "ElasticFlexibility",
     "InterfaceLast",
+    "RoughSolve",
     "Solve",
     "determinate_dofs",
     "held_factor",
     "motions_held",
+    "rough_solve",
 ]
 
 HELD = 1e-8
@@ -39,6 +43,37 @@ _ALIKE = 1e-6
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Solves for one right-hand side (n,) or a block of right-hand sides (n, k)."""
+
+
+class RoughSolve(NamedTuple):
+    """Solve of a factor in single precision without refinement.
+
+    Parameters
+    ----------
+    solve : callable
+        Solves to single precision.
+    contraction : float
+        Share of an error that a step of refinement leaves.
+    """
+
+    solve: Solve
+    contraction: float
+
+
+def rough_solve(solve: Solve) -> RoughSolve | None:
+    """Solve that a factor in single precision gives at a fifth of the cost; None if the factor has double precision.
+
+    Parameters
+    ----------
+    solve : callable
+        A factor, or a flexibility over one.
+    """
+    if isinstance(solve, RefinedFactor):
+        return RoughSolve(solve.rough, solve.contraction)
+    if isinstance(solve, InterfaceLast | ElasticFlexibility):
+        inner = rough_solve(solve.interior if isinstance(solve, InterfaceLast) else solve.factor)
+        return None if inner is None else RoughSolve(partial(solve, inner=inner.solve), inner.contraction)
+    return None
 
 
 def determinate_dofs(motions: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -129,12 +164,15 @@ class InterfaceLast:
         """Bytes beside the factor of the interior."""
         return self._Psi.nbytes + self._S.nbytes + self._inside.nbytes
 
-    def __call__(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solve for one column (n - r,) or a block (n - r, k) of loads on the rows that are not held."""
-        inner, x = b[self._inside], np.empty(b.shape)
-        outer = la.cho_solve((self._S, True), b[self._last] + self._Psi.T @ inner)
+    def __call__(self, b: NDArray[np.float64], inner: Solve | None = None) -> NDArray[np.float64]:
+        """Solve for one column (n - r,) or a block (n - r, k) of loads on the rows that are not held.
+
+        ``inner`` solves for the interior in place of its factor.
+        """
+        inside, x = b[self._inside], np.empty(b.shape)
+        outer = la.cho_solve((self._S, True), b[self._last] + self._Psi.T @ inside)
         x[self._last] = outer
-        x[self._inside] = self.interior(inner) + self._Psi @ outer
+        x[self._inside] = (inner or self.interior)(inside) + self._Psi @ outer
         return x
 
 
@@ -225,9 +263,12 @@ class ElasticFlexibility:
             K, rigid, "the stiffness held at a statically determinate set", interface
         )
 
-    def __call__(self, f: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Elastic displacement under a load, M-orthogonal to the rigid modes; (n,) or (n, k)."""
+    def __call__(self, f: NDArray[np.float64], inner: Solve | None = None) -> NDArray[np.float64]:
+        """Elastic displacement under a load, M-orthogonal to the rigid modes; (n,) or (n, k).
+
+        ``inner`` solves for the body held at its statically determinate set in place of the factor.
+        """
         load = f - self.momentum @ (self.rigid.T @ f)
         u = np.zeros_like(load)
-        u[self.free] = self.factor(load[self.free])
+        u[self.free] = (inner or self.factor)(load[self.free])
         return np.asarray(u - self.rigid @ (self.momentum.T @ u))

@@ -1,5 +1,7 @@
 """Modes from factors in single precision against dense algebra in double, and static solves with known modes."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -8,12 +10,13 @@ import scipy.sparse as sp
 from cmsreduce.linalg.eigen import beside_modes, certified_modes, eigenpairs, mixed_precision
 from cmsreduce.linalg.eigen.mixed_precision import corrected_modes
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
-from cmsreduce.linalg.sparse import RefinedFactor, factorise
+from cmsreduce.linalg.sparse import ElasticFlexibility, RefinedFactor, factorise, rough_solve
 from tests.solids import block
 
 pytestmark = pytest.mark.pardiso
 SINGLE = SolverSettings("pardiso", precision="single")
 BAR = block("bar", (3.0, 0.4, 0.3), (30, 3, 3), held=range(1, 17))
+FREE = block("free", (3.0, 0.4, 0.3), (16, 3, 3))
 # A square section has its modes in pairs.
 POST = block("post", (2.0, 0.4, 0.4), (20, 4, 4), held=range(1, 26))
 
@@ -24,6 +27,7 @@ def corrected(monkeypatch):
     monkeypatch.setattr(eigenpairs, "counted_modes", None)
 
 
+@cache
 def spectrum(body):
     """Eigenvalues from the inverse problem, in which the low ones keep their digits."""
     return 1 / la.eigvalsh(body.M.toarray(), body.K.toarray())[::-1]
@@ -58,6 +62,30 @@ def test_modes_are_those_of_double_precision(body, wanted):
     assert (left <= 1e-7 * np.linalg.norm(inertia, axis=0) * found.omega**2).all()
 
 
+@pytest.mark.usefixtures("corrected")
+@pytest.mark.parametrize("interface", [None, np.arange(48)], ids=["anywhere", "interface"])
+def test_elastic_modes_of_a_free_body_are_those_of_double_precision(interface):
+    wanted = 12
+    x, y, z = FREE.nodes.xyz.T
+    one, none = np.ones_like(x), np.zeros_like(x)
+    motions = [(one, none, none), (none, one, none), (none, none, one), (none, -z, y), (z, none, -x), (-y, x, none)]
+    R = np.array([np.column_stack(motion).ravel() for motion in motions]).T
+    rigid = la.solve_triangular(la.cholesky(R.T @ FREE.M @ R), R.T, trans="T").T
+    # Rigid motions are moved beyond the modes sought.
+    inertia, M = FREE.M @ rigid, FREE.M.toarray()
+    far = 1e3 * la.eigh(FREE.K.toarray(), M, eigvals_only=True, subset_by_index=(20, 20))[0]
+    lam = 1 / la.eigvalsh(M, FREE.K.toarray() + far * inertia @ inertia.T)[::-1]
+    with solver_settings(SINGLE):
+        solve = ElasticFlexibility(FREE.K, FREE.M, rigid, interface)
+        assert rough_solve(solve) is not None
+        found = certified_modes(
+            FREE.K, FREE.M, float(np.sqrt((lam[wanted - 1] + lam[wanted]) / 2)), rigid=rigid, solve=solve, count=wanted
+        )
+    error = abs(found.omega / np.sqrt(lam[:wanted]) - 1)
+    assert found.omega.size == wanted and error.max() < 1e-10 and found.bound.max() < 1e-9
+    assert abs(found.Phi.T @ inertia).max() < 1e-12
+
+
 def test_more_copies_of_a_mode_than_columns_of_a_block_are_found():
     """Twenty separate equal bars: a block of eight columns finds eight copies of a mode."""
     one = block("bar", (3.0, 0.4, 0.3), (6, 1, 1), held=range(1, 5))
@@ -77,7 +105,7 @@ def test_a_wrong_count_gives_no_modes(mistake):
     with solver_settings(SINGLE):
         factor = factorise(BAR.K)
         assert isinstance(factor, RefinedFactor)
-        found = corrected_modes(BAR.K, BAR.M, factor, high, 10 + mistake, 1e-9)
+        found = corrected_modes(BAR.K, BAR.M, rough_solve(factor), high, 10 + mistake, 1e-9, np.empty((BAR.n, 0)))
     assert found is None or mistake < 0
 
 
