@@ -24,6 +24,8 @@ MOST_POINTS = 1500
 
 # With more neighbours a node, lines between all nodes that the stiffness couples would fill the picture.
 _CROWDED = 8
+# Nodes nearer to each other than this share of half the body are drawn as one, such as the two sides of a bonded face.
+_FINEST = 1e-6
 _EDGES = {
     "line": ((0, 1),),
     "triangle": ((0, 1), (1, 2), (2, 0)),
@@ -161,15 +163,16 @@ def _thinned(xyz: NDArray[np.float64], always: NDArray[np.bool_], most: int) -> 
         return np.arange(count)
     low, span = xyz.min(axis=0), np.ptp(xyz, axis=0)
     size = float(span.max()) / 2
-    best = np.zeros(count, dtype=np.int64)
-    while size > 0:
+    best, finest = np.zeros(count, dtype=np.int64), _FINEST * size
+    while size > finest:
         cube = np.floor((xyz - low) / size).astype(np.int64)
-        # Interface nodes keep a cube each.
-        cube = np.column_stack([cube, np.where(always, np.arange(1, count + 1), 0)])
-        _, first, inverse = np.unique(cube, axis=0, return_index=True, return_inverse=True)
+        # One number is sorted sooner than a row of them. Interface nodes keep a cube each.
+        along = int(cube.max()) + 1
+        number = np.where(always, -np.arange(1, count + 1), cube @ [1, along, along**2])
+        _, first, inverse = np.unique(number, return_index=True, return_inverse=True)
         if first.size > most and best.any():
             break
-        best = first[inverse.ravel()]
+        best = first[inverse]
         if first.size > most:
             break
         # In steps, because it is not known how a mesh fills space.

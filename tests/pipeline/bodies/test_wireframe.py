@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.pipeline.bodies import cells_of, wireframe
-from cmsreduce.pipeline.bodies.wireframe import _coupled_groups
+from cmsreduce.pipeline.bodies.wireframe import _coupled_groups, _thinned
 from tests.frames import line
 
 BODY = line("bar", [0, 0, 0], [1.5, 0, 0], 30)
@@ -52,6 +52,12 @@ def test_large_meshes_are_thinned(most: int) -> None:
     # What is drawn still hangs together, from the first interface to the last.
     assert {int(n) for face in BODY.interfaces.values() for n in face.node} <= set(found.node.tolist())
     assert len(found.lines) >= found.node.size - 1
+
+
+def test_nodes_at_one_place_are_drawn_as_one() -> None:
+    """No cube of space tells them apart, however small it is."""
+    drawn_by = _thinned(np.repeat(BODY.nodes.xyz, 2, axis=0), np.zeros(62, dtype=bool), 40)
+    np.testing.assert_array_equal(drawn_by, 2 * np.arange(31).repeat(2))
 
 
 def test_no_geometry() -> None:
