@@ -57,6 +57,7 @@ def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
         sets={},
         tied=None,
         untied_mass=None,
+        _sound=(body.untied_mass.M,),
     )
     return as_read, sp.csr_array(moving @ every.T[np.maximum(rows, 0)])
 
