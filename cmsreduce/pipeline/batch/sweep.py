@@ -7,13 +7,15 @@ import math
 import os
 import platform
 import time
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 from cmsreduce import __version__
 from cmsreduce.errors import CmsReduceError, ConfigError
@@ -145,24 +147,27 @@ def _one_by_one(
         yield _run_point(point, path, folder, common, memory)
 
 
-def _run_batch(points: Sequence[SweepPoint], path: Path, folder: Path, memory: float | None) -> list[_Outcome]:
-    return list(_one_by_one(points, path, folder, common_work(), memory))
+def _run_batch(
+    sweep: str, points: Sequence[SweepPoint], path: Path, folder: Path, memory: float | None
+) -> list[_Outcome]:
+    return list(_one_by_one(points, path, folder, common_work(sweep), memory))
 
 
 def _in_processes(points: Sequence[SweepPoint], path: Path, folder: Path, workers: Workers) -> Iterator[SweepRow]:
+    run_batch = partial(_run_batch, uuid4().hex)
     with workers.start(workers.count) as executor:
-        lost = yield from _side_by_side(_batches(points, workers.count), path, folder, workers, executor)
+        lost = yield from _side_by_side(run_batch, _batches(points, workers.count), path, folder, workers, executor)
     if lost:
         # It is not known at which point a process died, or whether it was killed for another reason.
         with workers.start(workers.count) as fresh:
-            lost = yield from _side_by_side([(point,) for point in lost], path, folder, workers, fresh)
+            lost = yield from _side_by_side(run_batch, [(point,) for point in lost], path, folder, workers, fresh)
     while lost:
         with workers.start(1) as alone:
             while lost:
                 point = lost.pop(0)
                 try:
                     # It runs alone: its factors may take all the memory.
-                    (outcome,) = workers.submit(alone, _run_batch, (point,), path, folder, None).result()
+                    (outcome,) = workers.submit(alone, run_batch, (point,), path, folder, None).result()
                 except workers.lost:
                     yield _failed(point, "its process was killed, even alone: probably too little memory for it")
                     break
@@ -171,7 +176,12 @@ def _in_processes(points: Sequence[SweepPoint], path: Path, folder: Path, worker
 
 
 def _side_by_side(
-    batches: Sequence[tuple[SweepPoint, ...]], path: Path, folder: Path, workers: Workers, executor: Executor
+    run_batch: Callable[..., list[_Outcome]],
+    batches: Sequence[tuple[SweepPoint, ...]],
+    path: Path,
+    folder: Path,
+    workers: Workers,
+    executor: Executor,
 ) -> Generator[SweepRow, None, list[SweepPoint]]:
     """Yield rows of batches as they are finished; return points that were lost.
 
@@ -181,7 +191,7 @@ def _side_by_side(
     futures: dict[Future[list[_Outcome]], tuple[SweepPoint, ...]] = {}
     for batch in batches:
         try:
-            futures[workers.submit(executor, _run_batch, batch, path, folder, workers.memory)] = batch
+            futures[workers.submit(executor, run_batch, batch, path, folder, workers.memory)] = batch
         except workers.lost:
             lost += batch
     for future in as_completed(futures):

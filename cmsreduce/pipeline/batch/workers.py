@@ -8,7 +8,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from multiprocessing import get_all_start_methods, get_context, parent_process
 from threading import Lock, Thread
 from typing import Any
@@ -69,9 +69,9 @@ def local_workers(jobs: int) -> Workers:
     return Workers(jobs, threads, memory, _started, (BrokenProcessPool,), jobs == 1)
 
 
-@cache
-def common_work() -> CommonWork:
-    """Work that the tasks of one process share."""
+@lru_cache(maxsize=1)
+def common_work(sweep: str) -> CommonWork:
+    """Work that the tasks of one process share in one sweep; files may change before the next, processes may stay."""
     return CommonWork()
 
 

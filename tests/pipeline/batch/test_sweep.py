@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, nullcontext
@@ -26,7 +27,7 @@ from cmsreduce.pipeline.batch import sweep, sweep_axes
 from cmsreduce.pipeline.batch.workers import Workers
 from cmsreduce.pipeline.store import cache_entries, clear_cache
 from tests.pipeline.rounding import assert_close
-from tests.pipeline.study import Log
+from tests.pipeline.study import Log, panel, write_body
 from tests.pipeline.test_reuse import untimed
 
 # Two angles would take twice the time and show nothing more of what points and processes do.
@@ -109,20 +110,45 @@ class Inline(Executor):
         return future
 
 
-def test_what_needs_more_than_its_share_of_the_memory_is_run_alone(
-    swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture
+def inline(monkeypatch: pytest.MonkeyPatch) -> Callable[[float | None], list[int]]:
+    """Let sweeps run their tasks here, with some bytes for a factor; the list grows with each start of processes."""
+
+    def make(memory: float | None) -> list[int]:
+        sizes: list[int] = []
+
+        def start(jobs: int) -> AbstractContextManager[Executor]:
+            sizes.append(jobs)
+            return nullcontext(Inline())
+
+        workers = Workers(2, 0, memory, start, (BrokenProcessPool,))
+        module = import_module("cmsreduce.pipeline.batch.sweep")
+        monkeypatch.setattr(module, "chosen_workers", lambda *named: nullcontext(workers))
+        return sizes
+
+    return make
+
+
+def test_processes_that_outlive_a_sweep_read_its_files_anew(
+    study: Path, tmp_path: Path, inline: Callable[..., list[int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sizes: list[int] = []
+    """As those of a Dask scheduler that stays up."""
+    axes = sweep_axes(["reduce.cutoff=10,15", ONE_ANGLE])
+    inline(None)
+    before, _ = sweep(study, axes, (), tmp_path / "swept", jobs=2)
+    write_body(study.parent, replace(panel(), M=2 * panel().M))
+    after, _ = sweep(study, axes, (), tmp_path / "swept", jobs=2)
+    monkeypatch.undo()
+    alone, _ = sweep(study, axes, (), tmp_path / "alone")
+    assert_close(found(after), found(alone))
+    assert abs(after.rows[0].frf_error / before.rows[0].frf_error - 1) > 0.01
 
-    def start(jobs: int) -> AbstractContextManager[Executor]:
-        sizes.append(jobs)
-        return nullcontext(Inline())
 
+def test_what_needs_more_than_its_share_of_the_memory_is_run_alone(
+    swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path, inline: Callable[..., list[int]]
+) -> None:
     # No factor fits into one byte.
-    workers = Workers(2, 0, 1.0, start, (BrokenProcessPool,))
-    monkeypatch.setattr(
-        import_module("cmsreduce.pipeline.batch.sweep"), "chosen_workers", lambda *named: nullcontext(workers)
-    )
+    sizes = inline(1.0)
     result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
     assert_close(found(result), found(swept[0]))
     assert sizes == [2, 2, 1]
