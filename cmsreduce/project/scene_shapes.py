@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes
 
-__all__ = ["ResponseLimits", "SceneFit", "energy_shapes", "fit_shapes", "misfit", "mode_shares", "objective"]
+__all__ = [
+    "ResponseLimits",
+    "SceneFit",
+    "decibel_misfit",
+    "energy_shapes",
+    "fit_shapes",
+    "misfit",
+    "mode_shares",
+    "objective",
+]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -22,6 +31,9 @@ _SHARE_OF_DECIBEL = 0.06
 # Far beyond its limit a point counts in proportion to the square of its error, so that a few zeros of the response do
 # not rule all other points.
 _LINEAR = 0.02
+# Points beyond so many times their limit in decibels hardly count more: a percentile leaves some points out. Decibels
+# of a response below this share of the one to be met grow no further.
+_LEFT_OUT, _FLOOR = 3.0, 0.02
 # Steps that L-BFGS remembers.
 _MEMORY = 20
 
@@ -66,6 +78,10 @@ class SceneFit:
         return sum(V.shape[1] for V in self.shapes.values())
 
 
+Misfit = Callable[[ResponseSample, Complex, "ResponseLimits"], tuple[float, Complex]]
+"""Value of a response in one configuration, and its slope; see `misfit`."""
+
+
 def misfit(sample: ResponseSample, H: Complex, limits: ResponseLimits) -> tuple[float, Complex]:
     """Misfit of the response in one configuration.
 
@@ -85,31 +101,42 @@ def misfit(sample: ResponseSample, H: Complex, limits: ResponseLimits) -> tuple[
     slope : (f, outputs, inputs) complex128
         Its derivative by the real part of H, plus i times that by the imaginary part.
     """
-    channel = sample.row[:, None] * sample.column[None, :]
-    weight = _widths(sample.omega)[:, None, None] * channel**2
-    size = float(np.sum(weight * abs(sample.elastic) ** 2))
-    if not size:
-        return 0.0, np.zeros_like(H)
-    weight /= size
-    heard = sample.heard & (abs(sample.H) > 0)
+    value, slope = _error_of_band(sample, H, limits)
+    heard, decades = _heard(sample)
     allowed = np.where(heard, _SHARE_OF_DECIBEL * limits.db_error * abs(sample.H), np.inf)
     miss = H - sample.H
-    power = abs(miss) ** 2
-    square, rho = float(np.sum(weight * power)), power / allowed**2
-    # A Bode plot has a logarithmic axis.
-    decades = np.where(heard, _widths(np.log(sample.omega))[:, None, None], 0.0)
-    decades /= decades.sum() or 1.0
-    below, limit = 1 + _LINEAR * rho, limits.frf_error**4
-    slope = 4 * square / limit * weight + decades * (4 * rho + 2 * _LINEAR * rho**2) / below**2 / allowed**2
-    return square**2 / limit + float(np.sum(decades * rho**2 / below)), slope * miss
+    rho = abs(miss) ** 2 / allowed**2
+    below = 1 + _LINEAR * rho
+    slope += decades * (4 * rho + 2 * _LINEAR * rho**2) / below**2 / allowed**2 * miss
+    return value + float(np.sum(decades * rho**2 / below)), slope
+
+
+def decibel_misfit(sample: ResponseSample, H: Complex, limits: ResponseLimits) -> tuple[float, Complex]:
+    """Misfit in decibels themselves: nearer to the limits than `misfit`, but a guide near a good response only.
+
+    Returns
+    -------
+    value : float
+        (e / limit)^4 + mean x^4 / (1 + (x / 3)^4), with x the error in decibels over its limit.
+    slope : (f, outputs, inputs) complex128
+        As that of `misfit`.
+    """
+    value, slope = _error_of_band(sample, H, limits)
+    heard, decades = _heard(sample)
+    met = np.where(heard, abs(sample.H) ** 2, 1.0)
+    raised = np.where(heard, abs(H) ** 2, 1.0) + _FLOOR**2 * met
+    x = 10 * np.log10(raised / ((1 + _FLOOR**2) * met)) / limits.db_error
+    below = 1 + (x / _LEFT_OUT) ** 4
+    slope += decades * 4 * x**3 / below**2 * 20 / (np.log(10) * limits.db_error * raised) * H
+    return value + float(np.sum(decades * x**4 / below)), slope
 
 
 def objective(
-    scene: SceneResponses, shapes: Shapes, limits: Sequence[ResponseLimits]
+    scene: SceneResponses, shapes: Shapes, limits: Sequence[ResponseLimits], measure: Misfit = misfit
 ) -> tuple[float, dict[str, Array]]:
     """Logarithm of the misfit of all configurations, and its derivative by the shapes of each body (n, k)."""
     joined = scene.joined(shapes)
-    found = [misfit(*each) for each in zip(scene.samples, (one.H for one in joined), limits, strict=True)]
+    found = [measure(*each) for each in zip(scene.samples, (one.H for one in joined), limits, strict=True)]
     total = sum(value for value, _ in found)
     if not total > 0:
         return -np.inf, {name: np.zeros_like(V) for name, V in shapes.items()}
@@ -180,7 +207,12 @@ def mode_shares(scene: SceneResponses) -> dict[str, Array]:
 
 
 def fit_shapes(
-    scene: SceneResponses, start: Shapes, limits: Sequence[ResponseLimits], steps: int, enough: float = -np.inf
+    scene: SceneResponses,
+    start: Shapes,
+    limits: Sequence[ResponseLimits],
+    steps: int,
+    enough: float = -np.inf,
+    measure: Misfit = misfit,
 ) -> SceneFit:
     """Optimise the subspace of each body for the responses of all configurations together.
 
@@ -194,6 +226,8 @@ def fit_shapes(
         Most steps of L-BFGS.
     enough : float
         Misfit at which to stop.
+    measure : callable
+        `misfit`, or `decibel_misfit`.
     """
     from scipy.optimize import OptimizeResult, minimize
 
@@ -208,7 +242,7 @@ def fit_shapes(
     def value(x: Array) -> tuple[float, Array]:
         shapes = unpacked(x)
         try:
-            J, gradient = objective(scene, shapes, limits)
+            J, gradient = objective(scene, shapes, limits, measure)
         except np.linalg.LinAlgError:
             return np.inf, np.zeros_like(x)
         return J, np.concatenate([(gradient[name] / scene.bodies[name].omega[:, None]).ravel() for name in sizes])
@@ -229,6 +263,24 @@ def fit_shapes(
     return SceneFit(
         {name: np.linalg.qr(V)[0] for name, V in unpacked(found.x).items()}, float(found.fun), int(found.nit)
     )
+
+
+def _error_of_band(sample: ResponseSample, H: Complex, limits: ResponseLimits) -> tuple[float, Complex]:
+    """Fourth power of the response error over its limit, and its slope."""
+    weight = _widths(sample.omega)[:, None, None] * (sample.row[:, None] * sample.column) ** 2
+    size = float(np.sum(weight * abs(sample.elastic) ** 2))
+    if not size:
+        return 0.0, np.zeros_like(H)
+    miss = H - sample.H
+    square, limit = float(np.sum(weight * abs(miss) ** 2)) / size, limits.frf_error**4
+    return square**2 / limit, 4 * square / limit * weight / size * miss
+
+
+def _heard(sample: ResponseSample) -> tuple[NDArray[np.bool_], Array]:
+    """Points whose decibels count, and their shares of all: a Bode plot has a logarithmic axis."""
+    heard = sample.heard & (abs(sample.H) > 0)
+    decades = np.where(heard, _widths(np.log(sample.omega))[:, None, None], 0.0)
+    return heard, decades / (decades.sum() or 1.0)
 
 
 def _widths(x: Array) -> Array:

@@ -11,30 +11,37 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.project.scene_responses import SceneResponses, Shapes
-from cmsreduce.project.scene_shapes import ResponseLimits, energy_shapes, fit_shapes, mode_shares, objective
+from cmsreduce.project.scene_shapes import (
+    ResponseLimits,
+    SceneFit,
+    decibel_misfit,
+    fit_shapes,
+    misfit,
+    objective,
+)
+from cmsreduce.project.shape_starts import MIXES, SceneDirections
 
 __all__ = ["Judged", "ShapeSearch", "Settled"]
 
 Array = NDArray[np.float64]
 
-# Exponents of the weight of a response for the start: by its energy, and nearer to its decibels.
-_MIXES = (0.25, 0.0)
 # Steps of a round, after which errors are measured and configurations weighed anew.
 _STEPS = 40
 # Rounds before a number of shapes is given up; fewer where a few shapes were left out of a set that passes.
 _ROUNDS, _FEW_ROUNDS = 8, 4
 # Rounds without a better set after which the optimisation ends.
 _PATIENCE = 3
-# A given number of shapes is also reached from this many times as many.
-_MORE = 1.3
-# Directions of each body, and of either weight, that are tried as one shape more.
-_TRIED = 3
+# A given number of shapes is also reached from this many times as many, and in the end, with more patience, from more
+# after so many steps.
+_MORE, _MOST, _MOST_STEPS = 1.3, 1.4, 300
+# A loss that is made up for is chosen in heats: so many sets are optimised by so many steps.
+_HEATS = ((4, 6), (2, 25), (1, 120))
+# Sets with at most this many times a limit are optimised for decibels in the end, by so many steps a round.
+_NEAR, _DECIBEL_STEPS = 2.0, 100
 # Distributions between the bodies that are tried for one shape less.
 _SPLITS = 8
 # An error is aimed at this share of its limit, and its weight changes at most by these factors a round and in all.
 _AIM, _ROUND_CHANGE, _ALL_CHANGE = 0.95, (0.7, 1.2), (0.1, 2.0)
-# Shares of the largest singular value of the responses, down to which directions enter the first set.
-_FIRST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +104,21 @@ class ShapeSearch:
         Limits of the errors that the optimisation knows.
     judge : callable
         Measures a set of shapes on finer grids, and by limits that the optimisation does not know.
+    in_decibels : callable
+        Gives the responses on grids that show the errors in decibels; None if these have no limit.
     """
 
-    def __init__(self, scene: SceneResponses, limits: ResponseLimits, judge: Callable[[Shapes], Judged]) -> None:
-        self.scene, self.limits, self.judge = scene, limits, judge
+    def __init__(
+        self,
+        scene: SceneResponses,
+        limits: ResponseLimits,
+        judge: Callable[[Shapes], Judged],
+        in_decibels: Callable[[], SceneResponses | None] = lambda: None,
+    ) -> None:
+        self.scene, self.limits, self.judge, self._in_decibels = scene, limits, judge, in_decibels
+        self.directions = SceneDirections(scene)
         self.steps = 0
         self.factors = np.ones((2, len(scene.samples)))
-        self._directions: dict[float, dict[str, tuple[Array, Array]]] = {}
 
     def given(self, counts: Mapping[str, int]) -> Settled:
         """Optimise a given number of shapes of each body, from the best of several starts."""
@@ -111,9 +126,14 @@ class ShapeSearch:
 
     def distributed(self, total: int) -> Settled:
         """Optimise a given number of shapes of all bodies together; energies or the strongest modes distribute them."""
-        counts = self._first_counts(total)
-        modes = _largest(self._mode_shares, total)
-        return self._from_best([self._modes(modes), *self._starts(counts)])
+        counts = self.directions.counts(total)
+        found = self._from_best([self.directions.strongest_modes(total), *self._starts(counts)])
+        if found.passes:
+            return found
+        # From more shapes, less one at a time: this takes longest, and leads furthest.
+        more = self.directions.leading(self.directions.counts(min(int(np.ceil(_MOST * total)), self._most)))
+        shapes = self._less(self._fitted(more, _MOST_STEPS).shapes, total, {}, mended=True)
+        return min(found, self._from_best([shapes]), key=lambda each: each.judged.worst)
 
     def smallest(self, modes: Callable[[], Mapping[str, NDArray[np.int64]] | None] = lambda: None) -> Settled:
         """Search for the fewest shapes that pass; where none do, the last set is all modes.
@@ -123,13 +143,13 @@ class ShapeSearch:
         modes : callable
             Gives numbers of modes of each body that are known to pass, if any: the shapes are never more.
         """
-        best = self.given(self._first_counts())
+        best = self.given(self.directions.counts())
         while not best.passes and best.count < self._most:
             best = self.grown(best, max(1, best.count // 4))
         best = self._fewer(best)
         known = modes()
         if known is not None and (not best.passes or sum(own.size for own in known.values()) < best.count):
-            other = self._fewer(self.settled(self._modes(known), _ROUNDS))
+            other = self._fewer(self.settled(self.directions.modes(known), _ROUNDS))
             best = other if other.passes else best
         return best
 
@@ -154,7 +174,7 @@ class ShapeSearch:
 
     def extended(self, scene: SceneResponses) -> ShapeSearch:
         """A search with the weights of this one in further configurations."""
-        found = ShapeSearch(scene, self.limits, self.judge)
+        found = ShapeSearch(scene, self.limits, self.judge, self._in_decibels)
         found.factors[:, : self.factors.shape[1]] = self.factors
         return found
 
@@ -165,12 +185,14 @@ class ShapeSearch:
             choices = [
                 {**shapes, name: np.hstack([V, direction])}
                 for name, V in shapes.items()
-                for direction in self._left_out(name, V)
+                for direction in self.directions.beyond(name, V)
             ]
             shapes = min(choices, key=self._misfit)
         return self.settled(shapes, _ROUNDS, afresh=False)
 
-    def settled(self, shapes: Shapes, rounds: int, *, afresh: bool = True) -> Settled:
+    def settled(
+        self, shapes: Shapes, rounds: int, *, afresh: bool = True, decibels: SceneResponses | None = None
+    ) -> Settled:
         """Optimise shapes in rounds; configurations whose errors are too large weigh more in the next round.
 
         Parameters
@@ -179,6 +201,8 @@ class ShapeSearch:
         rounds : int
         afresh : bool
             Begin with equal weights; else with those of the last call.
+        decibels : SceneResponses, optional
+            Optimise for decibels themselves, on the grids of these responses.
         """
         count = len(self.scene.samples)
         if afresh:
@@ -192,16 +216,11 @@ class ShapeSearch:
             if since or not afresh:
                 change = np.clip(_AIM / errors, *_ROUND_CHANGE)
                 self.factors = np.clip(self.factors * change, *_ALL_CHANGE)
-            fit = fit_shapes(self.scene, shapes, self._weighted, _STEPS)
-            self.steps += fit.steps
+            fit = self._fitted(shapes, _STEPS if decibels is None else _DECIBEL_STEPS, decibels)
             shapes, judged, since = fit.shapes, self.judge(fit.shapes), since + 1
             if judged.worst < best.judged.worst:
                 best, since = Settled(fit.shapes, judged, self.steps), 1
         return replace(best, steps=self.steps)
-
-    def shares(self) -> dict[str, Array]:
-        """Singular values of the responses of each body (k,), the largest first."""
-        return {name: share for name, (_, share) in self._energy().items()}
 
     @property
     def _weighted(self) -> list[ResponseLimits]:
@@ -212,16 +231,17 @@ class ShapeSearch:
     def _most(self) -> int:
         return sum(body.count for body in self.scene.bodies.values())
 
+    def _fitted(self, shapes: Shapes, steps: int, decibels: SceneResponses | None = None) -> SceneFit:
+        measure = misfit if decibels is None else decibel_misfit
+        fit = fit_shapes(decibels or self.scene, shapes, self._weighted, steps, measure=measure)
+        self.steps += fit.steps
+        return fit
+
     def _misfit(self, shapes: Shapes) -> float:
         try:
             return objective(self.scene, shapes, self._weighted)[0]
         except np.linalg.LinAlgError:
             return np.inf
-
-    def _energy(self, mix: float = _MIXES[0]) -> dict[str, tuple[Array, Array]]:
-        if mix not in self._directions:
-            self._directions[mix] = energy_shapes(self.scene, mix)
-        return self._directions[mix]
 
     def _from_best(self, starts: Iterable[Shapes]) -> Settled:
         """Optimise every start for one round, and the best of them further."""
@@ -232,46 +252,36 @@ class ShapeSearch:
                 return first[-1]
         best = min(first, key=lambda each: each.judged.worst)
         further = self.settled(best.shapes, _ROUNDS - 1, afresh=False)
-        return min(best, further, key=lambda each: each.judged.worst)
+        return self._polished(min(best, further, key=lambda each: each.judged.worst))
+
+    def _polished(self, found: Settled) -> Settled:
+        """Optimise shapes that come near the limits for decibels themselves."""
+        scene = self._decibel_scene if 1 < found.judged.worst <= _NEAR else None
+        return found if scene is None else self.settled(found.shapes, _FEW_ROUNDS, decibels=scene)
+
+    @cached_property
+    def _decibel_scene(self) -> SceneResponses | None:
+        return self._in_decibels()
 
     def _starts(self, counts: Mapping[str, int]) -> Iterator[Shapes]:
         """Directions of most energy by either weight, the strongest modes, and what is left of more shapes."""
-        for mix in _MIXES:
-            yield self._leading(mix, counts)
-        yield self._modes({name: np.argsort(-share)[: counts[name]] for name, share in self._mode_shares.items()})
+        for mix in MIXES:
+            yield self.directions.leading(counts, mix)
+        shares = self.directions.mode_shares
+        yield self.directions.modes({name: np.argsort(-share)[: counts[name]] for name, share in shares.items()})
         # It takes as long as a round: it is made if the others fail.
         yield self._from_more(counts)
 
-    @cached_property
-    def _mode_shares(self) -> dict[str, Array]:
-        return mode_shares(self.scene)
-
-    def _modes(self, numbers: Mapping[str, NDArray[np.int64]]) -> dict[str, Array]:
-        return {name: np.eye(body.count)[:, numbers[name]] for name, body in self.scene.bodies.items()}
-
     def _from_more(self, counts: Mapping[str, int]) -> dict[str, Array]:
         """Optimise more shapes for one round, and leave the most dispensable ones out."""
-        limits = [self.limits] * len(self.scene.samples)
         most = {name: min(int(np.ceil(_MORE * k)), self.scene.bodies[name].count) for name, k in counts.items()}
-        shapes = fit_shapes(self.scene, self._leading(_MIXES[0], most), limits, _STEPS).shapes
-        for name, k in counts.items():
-            shapes = self._without(shapes, shapes[name].shape[1] - k, name)
-        return shapes
-
-    def _leading(self, mix: float, counts: Mapping[str, int]) -> dict[str, Array]:
-        return {name: V[:, : counts[name]] for name, (V, _) in self._energy(mix).items()}
-
-    def _first_counts(self, total: int | None = None) -> dict[str, int]:
-        """Shapes of each body: those with the largest shares of all, or those above a share of the largest."""
-        shares = self.shares()
-        every = np.sort(np.concatenate(list(shares.values())))[::-1]
-        least = _FIRST * every[0] if total is None else every[min(total, every.size) - 1]
-        return {name: int(np.count_nonzero(share >= least)) for name, share in shares.items()}
+        fit = self._fitted(self.directions.leading(most), _STEPS)
+        return self._less(fit.shapes, sum(counts.values()), counts, mended=False)
 
     def _shrunk(self, best: Settled, step: int) -> Settled | None:
         """A passing set of fewer shapes, or None if the optimisation finds none."""
         if step > 1:
-            tried = self.settled(self._without(best.shapes, step, None), _FEW_ROUNDS)
+            tried = self.settled(self._less(best.shapes, best.count - step, {}, mended=False), _FEW_ROUNDS)
             return tried if tried.passes else None
         names = list(best.counts)
         # One shape less, also with one more of another body for one of a third.
@@ -279,27 +289,39 @@ class ShapeSearch:
         less = [{**best.counts, a: best.counts[a] - 1} for a in names]
         fewer = less + [{**own, a: own[a] - 1, b: own[b] + 1} for own in less for a, b in moves if a != b]
         fewer = [each for k, each in enumerate(fewer) if each not in fewer[:k] and self._possible(each)]
-        dropped = [self._without(best.shapes, 1, name) for name, k in best.counts.items() if k > 1]
-        afresh = [self._leading(_MIXES[0], counts) for counts in fewer[:_SPLITS]]
-        tried = self._from_best([*sorted(dropped, key=self._misfit), *afresh])
+        afresh = [self.directions.leading(counts) for counts in fewer[:_SPLITS]]
+        tried = self._from_best([self._less(best.shapes, best.count - 1, {}, mended=True), *afresh])
         return tried if tried.passes else None
 
     def _possible(self, counts: Mapping[str, int]) -> bool:
         return all(0 < k <= self.scene.bodies[name].count for name, k in counts.items())
 
-    def _without(self, shapes: Shapes, step: int, only: str | None) -> dict[str, Array]:
-        """Leave out directions, each time the one whose loss raises the misfit least."""
-        found = dict(shapes)
-        for _ in range(step):
-            names = [name for name, V in found.items() if V.shape[1] > 1 and only in (None, name)]
-            choices = [{**found, name: fewer} for name in names for fewer in self._one_less(name, found)]
-            if not choices:
+    def _less(self, shapes: Shapes, total: int, least: Mapping[str, int], *, mended: bool) -> dict[str, Array]:
+        """Leave out one direction after another, each time the one whose loss raises the misfit least.
+
+        Parameters
+        ----------
+        shapes : mapping of body to (n, k) float64
+        total : int
+            Shapes of all bodies that remain.
+        least : mapping of body to int
+            Shapes of a body that remain, one if not stated.
+        mended : bool
+            Of several losses take the one that the other shapes make up for best when they are optimised.
+        """
+        while sum(V.shape[1] for V in shapes.values()) > total:
+            names = [name for name, V in shapes.items() if V.shape[1] > least.get(name, 1)]
+            if not names:
                 break
-            found = min(choices, key=self._misfit)
-        return found
+            tried: list[Shapes] = [{**shapes, name: fewer} for name in names for fewer in self._one_less(name, shapes)]
+            for kept, steps in _HEATS if mended else ():
+                fits = [self._fitted(each, steps) for each in sorted(tried, key=self._misfit)[:kept]]
+                tried = [fit.shapes for fit in fits]
+            shapes = min(tried, key=self._misfit)
+        return dict(shapes)
 
     def _one_less(self, name: str, shapes: Shapes) -> list[Array]:
-        """The shapes of a body without one of the principal directions of its motion in the scene."""
+        """The shapes of a body without one of its weak directions in the scene, or without one of its modes."""
         w = self.scene.bodies[name].omega[:, None]
         V = np.linalg.qr(w * shapes[name])[0] / w
         gram = np.zeros((V.shape[1], V.shape[1]))
@@ -310,21 +332,6 @@ class ShapeSearch:
                 gram += (flat @ flat.conj().T).real / size if size else 0.0
         _, directions = la.eigh(gram)
         # The weakest half: the strongest ones are never the first to go.
-        return [V @ np.delete(directions, k, axis=1) for k in range((V.shape[1] + 1) // 2)]
-
-    def _left_out(self, name: str, V: Array) -> Iterator[Array]:
-        """The strongest directions (n, 1) of a body's responses beyond its shapes."""
-        w = self.scene.bodies[name].omega[:, None]
-        U = np.linalg.qr(w * V)[0]
-        for mix in _MIXES:
-            every, share = self._energy(mix)[name]
-            left, _, _ = la.svd((w * every - U @ (U.T @ (w * every))) * share, full_matrices=False)
-            yield from (left[:, [k]] / w for k in range(min(_TRIED, w.size - V.shape[1])))
-
-
-def _largest(values: Mapping[str, Array], count: int) -> dict[str, NDArray[np.int64]]:
-    """Numbers of the largest of all values, by their names."""
-    owner = np.repeat(list(values), [own.size for own in values.values()])
-    number = np.concatenate([np.arange(own.size) for own in values.values()])
-    first = np.argsort(-np.concatenate(list(values.values())), kind="stable")[:count]
-    return {name: np.sort(number[first[owner[first] == name]]) for name in values}
+        weak = [V @ np.delete(directions, k, axis=1) for k in range((V.shape[1] + 1) // 2)]
+        _, modes = la.eigh((w * V).T @ (w * V), V.T @ V)
+        return weak + [V @ np.delete(modes, k, axis=1) for k in range(V.shape[1])]

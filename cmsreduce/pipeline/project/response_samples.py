@@ -21,8 +21,9 @@ __all__ = ["ScenePoints", "SampledScene"]
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Points of the coarse grid of the optimisation, over the band; each resonance has three more.
-_POINTS = 50
+# Points of the coarse grid of the optimisation, over the band; each resonance has three more. A grid for decibels has
+# one in so many points of theirs, too.
+_POINTS, _OF_DECIBELS = 50, 5
 # Points nearer than this share of a half-width add nothing there.
 _APART = 0.4
 # Points of the grid on which a configuration is judged, before refinement; one in so many points at resonances.
@@ -67,9 +68,11 @@ class SampledScene:
         self.components = {name: c for name, c in bodies.items() if c.elastic_count}
         self.bodies = {name: _body_modes(component) for name, component in self.components.items()}
 
-    def responses(self, configurations: Sequence[Configuration]) -> SceneResponses:
-        """Responses on coarse grids, for the optimisation."""
-        targets = [self.comparison.target(each, self._coarse_grid(each)) for each in configurations]
+    def responses(self, configurations: Sequence[Configuration], *, decibels: bool = False) -> SceneResponses:
+        """Responses on coarse grids for the optimisation, or on grids that show the errors in decibels."""
+        more = decibel_grid(self.comparison.scene.band)[::_OF_DECIBELS] if decibels else np.empty(0)
+        grids = [np.union1d(self._coarse_grid(each), more) for each in configurations]
+        targets = [self.comparison.target(*each) for each in zip(configurations, grids, strict=True)]
         return SceneResponses(self.bodies, [self._sample(target) for target in targets])
 
     @once

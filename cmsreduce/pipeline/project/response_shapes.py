@@ -16,7 +16,15 @@ from cmsreduce.pipeline.project.certified_responses import DirectSolve, certifie
 from cmsreduce.pipeline.project.projected_bodies import Projected
 from cmsreduce.pipeline.project.response_samples import SampledScene
 from cmsreduce.pipeline.system import Comparison, ReducedModel
-from cmsreduce.project import Judged, ResponseLimits, Settled, Shapes, ShapeSearch, keep_combinations
+from cmsreduce.project import (
+    Judged,
+    ResponseLimits,
+    SceneResponses,
+    Settled,
+    Shapes,
+    ShapeSearch,
+    keep_combinations,
+)
 
 __all__ = ["ResponseShapes"]
 
@@ -112,7 +120,7 @@ class ResponseShapes:
         if keys.between and keys.responses == "auto":
             self._seen = max(_FIRST - len(self.chosen), _FIRST_BETWEEN)
             self.chosen += self._span.points(self._seen)
-        self._search = ShapeSearch(self.sampled.responses(self.chosen), self.limits, self._judged)
+        self._search = ShapeSearch(self.sampled.responses(self.chosen), self.limits, self._judged, self._in_decibels)
 
     def run(self) -> Projected:
         """Find the shapes, and the bodies in them.
@@ -143,7 +151,7 @@ class ResponseShapes:
         certificate = certified(self._search.scene, self.chosen, found.shapes, self._direct, self._reference)
         record = ProjectionRecord(
             (),
-            self._search.shares(),
+            self._search.directions.shares(),
             {name: component.elastic_count for name, component in components.items()},
             between={name: errors[0] for name, errors in between.items()},
             limit=None if np.isinf(self.limits.frf_error) else self.limits.frf_error,
@@ -212,6 +220,10 @@ class ResponseShapes:
             self._critical = self._measured(self._components(shapes))
             worst = max(worst, 0.0 if self._critical is None else self._critical.ratio)
         return Judged(frf, decibel, worst)
+
+    def _in_decibels(self) -> SceneResponses | None:
+        """The chosen configurations on grids that show decibels, if these have a limit."""
+        return None if np.isinf(self.limits.db_error) else self.sampled.responses(self.chosen, decibels=True)
 
     def _covering(self, found: Settled, grow: bool) -> tuple[Settled, dict[str, tuple[float, float]]]:
         """Add the configurations with the largest errors until many others, never looked at before, break no limit.
