@@ -37,7 +37,7 @@ _MORE, _MOST, _MOST_STEPS = 1.3, 1.4, 300
 # A loss that is made up for is chosen in heats: so many sets are optimised by so many steps.
 _HEATS = ((4, 6), (2, 25), (1, 120))
 # Sets with at most this many times a limit are optimised for decibels in the end, by so many steps a round.
-_NEAR, _DECIBEL_STEPS = 2.0, 100
+_NEAR, _DECIBEL_STEPS = 3.0, 100
 # Distributions between the bodies that are tried for one shape less.
 _SPLITS = 8
 # An error is aimed at this share of its limit, and its weight changes at most by these factors a round and in all.
@@ -257,7 +257,7 @@ class ShapeSearch:
     def _polished(self, found: Settled) -> Settled:
         """Optimise shapes that come near the limits for decibels themselves."""
         scene = self._decibel_scene if 1 < found.judged.worst <= _NEAR else None
-        return found if scene is None else self.settled(found.shapes, _FEW_ROUNDS, decibels=scene)
+        return found if scene is None else self.settled(found.shapes, _ROUNDS, decibels=scene)
 
     @cached_property
     def _decibel_scene(self) -> SceneResponses | None:
