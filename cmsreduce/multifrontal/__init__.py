@@ -6,7 +6,6 @@ Bodies, settings, files and other solvers do not: this package imports nothing o
 
 from __future__ import annotations
 
-import sys
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -35,7 +34,6 @@ __all__ = [
     "compressed_graph",
     "dissection_installed",
     "lacks",
-    "loops_loaded",
     "nested_dissection",
     "row_groups",
 ]
@@ -61,8 +59,3 @@ def lacks() -> str:
     except (ImportError, RuntimeError) as error:
         return f"numba ({error})"
     return ""
-
-
-def loops_loaded() -> bool:
-    """True if a factor was made in this process, so that the next one need not load compiled loops."""
-    return "cmsreduce.multifrontal.factor" in sys.modules

@@ -27,7 +27,7 @@ from cmsreduce.linalg.sparse.pardiso import Pardiso
 from cmsreduce.linalg.sparse.refined_factor import RefinedFactor, Rough, UnrefinableError
 from cmsreduce.linalg.sparse.superlu import SuperLU
 from cmsreduce.model import Factorisation
-from cmsreduce.multifrontal import lacks, loops_loaded
+from cmsreduce.multifrontal import lacks
 
 __all__ = [
     "BLOCK",
@@ -114,7 +114,7 @@ def factorise(
     kept = kept and definite
     if kept and (known := settings.factors.find(entries)) is not None:
         return cast(Factor, known)
-    backend = _backend(settings.backend, A.shape[0], solves)
+    backend = _backend(settings.backend, A.shape[0])
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     factor, refused, precision = None, None, ""
     for precision_tried, kind in _kinds(backend, settings, definite, solves):
@@ -192,13 +192,10 @@ def installed(backend: Backend) -> bool:
     return backend != "mumps" or not mumps_lacks()
 
 
-def _backend(wanted: Backend, n: int, solves: bool) -> Backend:
-    """The solver of the settings, or for ``auto`` the quickest for n rows.
-
-    Results must not depend on what a process has done before, but a count of pivots is the same by every solver.
-    """
+def _backend(wanted: Backend, n: int) -> Backend:
+    """The solver of the settings, or for ``auto`` the quickest for n rows."""
     if wanted == "auto":
-        if (n >= LARGE or (n >= _COMPILED and not solves and loops_loaded())) and installed("multifrontal"):
+        if n >= LARGE and installed("multifrontal"):
             return "multifrontal"
         # MUMPS comes last, so it is not tested here: the test takes a second.
         compiled = n >= _COMPILED or installed("pardiso")

@@ -43,26 +43,6 @@ def test_auto_takes_it_for_large_matrices(monkeypatch):
     assert taken == [True, not module.installed("pardiso"), True]
 
 
-def test_a_count_takes_loops_that_are_loaded(monkeypatch):
-    """Eigenvalues of a chain of n masses and springs held at both ends: 4 sin^2(k pi / 2 (n + 1))."""
-    n, shift = 300, 1.1
-    chain = sp.diags_array([-1.0, 2.0 - shift, -1.0], offsets=[-1, 0, 1], shape=(n, n), format="csc")
-    monkeypatch.setattr(module, "_SMALL", n)
-    monkeypatch.setattr(module, "_COMPILED", n)
-    with solver_settings(SolverSettings()) as settings:
-        counts = []
-        for loaded in (True, False):
-            monkeypatch.setattr(module, "loops_loaded", lambda loaded=loaded: loaded)
-            counts.append(factorise(chain, definite=False, solves=False).negative_pivots)
-        monkeypatch.setattr(module, "loops_loaded", lambda: True)
-        factorise(chain, definite=False)
-    eigenvalues = 4 * np.sin(np.arange(1, n + 1) * np.pi / 2 / (n + 1)) ** 2
-    assert counts == 2 * [np.count_nonzero(eigenvalues < shift)]
-    # What is solved with stays with the solver for its size, whatever was done before.
-    others = not module.installed("pardiso")
-    assert [work.backend == "multifrontal" for work in settings.work] == [True, others, others]
-
-
 @pytest.mark.pardiso
 def test_auto_takes_the_first_factor_that_fits(monkeypatch):
     """The factor may fit without its updates, and in single precision where double does not fit."""
