@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 _ALIGNED = 1e-6
 COINCIDENT = 1e-5
 """Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer."""
+# Longest list of nodes in a message.
+_COPIED = 200
 _UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
 
 
@@ -280,7 +282,7 @@ def _coincidence(
                 )
     k, order = int(np.argmax(distance)), _matching_order(substructures, placed, joint, COINCIDENT * size)
     advice = (
-        f"List the nodes of '{joint.second}' in the order of the others: nodes: [{', '.join(map(str, order))}]"
+        f"List the nodes of '{joint.second}' in the order of those of '{joint.first}'{_listed(order)}"
         if order
         else "Move a body with `place:`, or give the joint an `offset:`"
     )
@@ -292,17 +294,22 @@ def _coincidence(
     )
 
 
+def _listed(order: list[int]) -> str:
+    """Nodes as the key takes them, if they are few enough to be copied from a message."""
+    return f": nodes: [{', '.join(map(str, order))}]" if len(order) <= _COPIED else f", {len(order)} of either"
+
+
 def _matching_order(
     substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint, near: float
 ) -> list[int]:
     """Nodes of the second interface, each where its node of the first lies; empty if they do not pair up."""
+    from scipy.spatial import cKDTree
+
     face = interface_at(substructures, joint.second)
     there = face.position @ placed[joint.second.body].rotation.T
-    here = there - joint_gap(substructures, placed, joint)
-    away = np.linalg.norm(here[:, None] - there, axis=2)
-    partner = away.argmin(axis=1)
-    pairs = away.min(axis=1).max() <= near and len(set(partner)) == partner.size > 1
-    return [int(face.node[k]) for k in partner] if pairs else []
+    away, partner = cKDTree(there).query(there - joint_gap(substructures, placed, joint))
+    pairs = np.max(away) <= near and np.unique(partner).size == partner.size > 1
+    return face.node[partner].tolist() if pairs else []
 
 
 def reach(substructures: Mapping[str, Substructure]) -> float:

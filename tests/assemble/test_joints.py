@@ -276,7 +276,7 @@ REFUSED = {
         (bar(nodes=(2, 3)), bar("other", nodes=(3, 2))),
         joint("j", "bar.h", "other.h"),
         SceneError,
-        r"'j': its interfaces lie .*List the nodes of 'other\.h' in the order of the others: nodes: \[2, 3\]",
+        r"'j': its interfaces lie .*List the nodes of 'other\.h' in the order of those of .bar\.h.: nodes: \[2, 3\]",
     ),
     "a joint that locks nothing": (
         (bar(dofs=(1, 2, 3)), bar("other", dofs=(1, 2, 3))),

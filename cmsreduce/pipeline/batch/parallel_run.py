@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
-from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -17,7 +16,15 @@ from cmsreduce.model import ConfigurationResult, Failure
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
 from cmsreduce.pipeline.batch.workers import Workers
 from cmsreduce.pipeline.run import Run
-from cmsreduce.pipeline.store import CommonWork, Failures, Progress, Silent, collecting, report_failures
+from cmsreduce.pipeline.store import (
+    CommonWork,
+    Failures,
+    Progress,
+    Silent,
+    branch_of,
+    collecting,
+    report_failures,
+)
 from cmsreduce.pipeline.system import ReducedModel
 from cmsreduce.read import expect_kind
 
@@ -172,8 +179,7 @@ def _finish_body(opening: _Opening, name: str) -> bool | None:
         opened.flexible(name)
         _ = opened.bodies
         # The results of the body are on disk: the process holds the bodies as read alone.
-        run = copy(opened)
-        vars(run)["_results"] = dict(vars(opened)["_results"])
+        run = branch_of(opened)
         if name in run.reduced_names:
             run.modal(name)
         if run.pipeline.verify is not None and name not in run.mode_sets.unneeded:

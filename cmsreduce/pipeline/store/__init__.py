@@ -9,7 +9,7 @@ from cmsreduce.pipeline.store.progress import Progress, Silent
 from cmsreduce.pipeline.store.stage_cache import ORIGIN, cache_entries, clear_cache, read_origin, sole_use, write_origin
 from cmsreduce.pipeline.store.stage_data import decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, code_version, share_stages, stage_key
-from cmsreduce.pipeline.store.stages import FAILURES_LOG, REPORT, CommonWork, Stages, once, stage
+from cmsreduce.pipeline.store.stages import FAILURES_LOG, REPORT, CommonWork, Stages, branch_of, once, stage
 
 __all__ = [
     "CommonWork",
@@ -29,6 +29,7 @@ __all__ = [
     "decode",
     "diagnostic",
     "encode",
+    "branch_of",
     "once",
     "read_origin",
     "report_failures",

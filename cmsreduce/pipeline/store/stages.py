@@ -6,6 +6,7 @@ import resource
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
+from copy import copy
 from dataclasses import asdict, replace
 from functools import wraps
 from pathlib import Path
@@ -21,7 +22,7 @@ from cmsreduce.pipeline.store.progress import Progress
 from cmsreduce.pipeline.store.stage_data import Arrays, Given, decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, StageStore
 
-__all__ = ["FAILURES_LOG", "REPORT", "CommonWork", "Stages", "once", "stage"]
+__all__ = ["FAILURES_LOG", "REPORT", "CommonWork", "Stages", "branch_of", "once", "stage"]
 
 REPORT = "report"
 """Not a stage: where it is the only one allowed, nothing is computed."""
@@ -255,6 +256,13 @@ def once(
         return memory[label]
 
     return cast(Callable[Concatenate[Any, P], T], remembered)
+
+
+def branch_of(owner: T) -> T:
+    """Copy an object with the results that it holds; what the copy finds further it keeps to itself."""
+    branch = copy(owner)
+    branch.__dict__["_results"] = dict(owner.__dict__.get("_results", {}))
+    return branch
 
 
 @diagnostic("the notes of '{}'", tuple, about=lambda stage, *_, **__: stage or "a stage")
