@@ -64,8 +64,9 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def page(browser: Any, small: Path) -> Iterator[Opened]:
+    """One page for all: drawing it is the longest part of a test. Each test chooses what it looks at."""
     with opened(browser, small) as found:
         found.draw_all()
         yield found
@@ -103,6 +104,7 @@ def test_every_plot_has_marks(page: Opened) -> None:
 def test_modes_are_picked_and_move(page: Opened) -> None:
     """Mode 3 of a string has three half waves: two points at rest between the walls."""
     picked = "() => document.getElementById('shapes').dataset.mode"
+    page.choose("shape-mode", "0")
     first = page.page.evaluate(picked)
     page.choose("shape-mode", "2")
     assert page.page.evaluate(picked) != first
@@ -132,6 +134,7 @@ def test_the_picture_turns_by_keys(page: Opened) -> None:
 
 def test_choices_change_the_plots(page: Opened) -> None:
     text = "() => document.getElementById('gain-total').textContent"
+    page.choose("gain-channel", "0")
     before = page.page.evaluate(text)
     page.choose("gain-channel", "1")
     assert page.page.evaluate(text) != before
@@ -196,6 +199,7 @@ def test_marks_of_the_reduction_checks(page: Opened) -> None:
 
 def test_high_gain_modes_are_marked(page: Opened) -> None:
     marks = "a tenth or more of the gains, above the band"
+    page.choose("gain-channel", "0")
     found = {name: x for name, x, _ in page.page.evaluate(TRACES, "gains")}
     # The last of 130 modes, 23 % of the gains of the first channel; none of the second.
     assert found[marks] == [pytest.approx(0.5 * 130**1.1, rel=0.02)]
