@@ -42,14 +42,14 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     """
     own = abs(A.diagonal())
     scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
-    column = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
-    unit = sp.csc_array((A.data * scale[A.indices] * scale[column], A.indices, A.indptr), shape=A.shape)
+    data = A.data * scale[A.indices]
+    data *= np.repeat(scale, np.diff(A.indptr))
+    unit = sp.csc_array((data, A.indices, A.indptr), shape=A.shape)
     raised = sp.csc_array(unit + max(CONDENSATION, PRINTED * rounding) * sp.eye_array(A.shape[0], format="csc"))
-    share_order(raised, borrowed=True)
-    count = 0
+    order, count = share_order(raised, borrowed=True), 0
     for rows, copies in _different_parts(raised):
-        inner = raised if rows.size == A.shape[0] else part(raised, rows)
-        factor = factorise(inner, definite=False, what="the scaled matrix", solves=False)
+        inner = raised if rows.size == A.shape[0] else part(raised, rows, order)
+        factor = factorise(inner, definite=False, what="the scaled matrix", solves=False, whole=A.shape[0])
         if not factor.inertia_known:
             return None
         count += copies * int(factor.negative_pivots)
@@ -67,7 +67,7 @@ def _different_parts(A: sp.csc_array) -> list[tuple[Indices, int]]:
     found: list[tuple[Indices, sp.csc_array, int]] = []
     for number in range(count):
         rows = np.flatnonzero(label == number)
-        inner = sp.csc_array(A[rows][:, rows])
+        inner = sp.csc_array(A[:, rows][rows])
         same = next((k for k, (_, known, _) in enumerate(found) if _equal(known, inner)), None)
         if same is None:
             found.append((rows, inner, 1))

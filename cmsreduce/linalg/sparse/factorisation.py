@@ -77,7 +77,13 @@ class InsufficientMemoryError(MatrixError):
 
 
 def factorise(
-    A: sp.csc_array, *, definite: bool = True, what: str = "the matrix", kept: bool = False, solves: bool = True
+    A: sp.csc_array,
+    *,
+    definite: bool = True,
+    what: str = "the matrix",
+    kept: bool = False,
+    solves: bool = True,
+    whole: int = 0,
 ) -> Factor:
     """Factorise a sparse symmetric matrix with a symmetric fill-reducing order.
 
@@ -95,6 +101,8 @@ def factorise(
     solves : bool
         False if only the number of negative pivots of a matrix that need not be definite is asked for: a large factor
         then takes little memory.
+    whole : int
+        Rows of a matrix that this one is an unconnected part of: its solver is that of the whole.
 
     Returns
     -------
@@ -114,7 +122,7 @@ def factorise(
     kept = kept and definite
     if kept and (known := settings.factors.find(entries)) is not None:
         return cast(Factor, known)
-    backend = _backend(settings.backend, A.shape[0])
+    backend = _backend(settings.backend, max(A.shape[0], whole))
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     factor, refused, precision = None, None, ""
     for precision_tried, kind in _kinds(backend, settings, definite, solves):

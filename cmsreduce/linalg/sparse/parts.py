@@ -47,7 +47,7 @@ def share_order(A: sp.csc_array, *, borrowed: bool = False) -> NDArray[np.int64]
     return np.asarray(order, dtype=np.int64)
 
 
-def part(A: sp.csc_array, rows: NDArray[np.integer[Any]]) -> sp.csc_array:
+def part(A: sp.csc_array, rows: NDArray[np.integer[Any]], order: NDArray[np.int64] | None = None) -> sp.csc_array:
     """Rows and columns of a symmetric matrix; nested dissection of the whole is one of the part, too.
 
     Parameters
@@ -56,12 +56,15 @@ def part(A: sp.csc_array, rows: NDArray[np.integer[Any]]) -> sp.csc_array:
         Symmetric.
     rows : (k,) int
         Ascending.
+    order : (n,) int64, optional
+        Result of `share_order`, if known.
 
     Returns
     -------
     (k, k) sparse array
     """
-    inner, order = sp.csc_array(A[rows][:, rows]), share_order(A)
+    # Columns are cut out at once, rows entry by entry.
+    inner, order = sp.csc_array(A[:, rows][rows]), share_order(A) if order is None else order
     if order is not None:
         place = np.full(A.shape[0], -1, dtype=np.int64)
         place[rows] = np.arange(rows.size)

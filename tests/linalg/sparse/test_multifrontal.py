@@ -43,6 +43,20 @@ def test_auto_takes_it_for_large_matrices(monkeypatch):
     assert taken == [True, not module.installed("pardiso"), True]
 
 
+def test_an_unconnected_part_takes_the_solver_of_the_whole(monkeypatch):
+    """Eigenvalues of a chain of n masses and springs held at both ends: 4 sin^2(k pi / 2 (n + 1))."""
+    n, shift = 40, 1.1
+    monkeypatch.setattr(module, "LARGE", 3 * n)
+    chain = sp.diags_array([-1.0, 2.0 - shift, -1.0], offsets=[-1, 0, 1], shape=(n, n), format="csc")
+    with solver_settings(SolverSettings()) as settings:
+        counts = [
+            factorise(chain, definite=False, solves=False, whole=whole).negative_pivots
+            for whole in (0, 3 * n - 1, 3 * n)
+        ]
+    assert counts == 3 * [np.count_nonzero(4 * np.sin(np.arange(1, n + 1) * np.pi / 2 / (n + 1)) ** 2 < shift)]
+    assert [work.backend == "multifrontal" for work in settings.work] == [False, False, True]
+
+
 @pytest.mark.pardiso
 def test_auto_takes_the_first_factor_that_fits(monkeypatch):
     """The factor may fit without its updates, and in single precision where double does not fit."""
