@@ -82,7 +82,7 @@ def adaptive_flexibility(
     damped_rigid : bool
         True if D acts on rigid motion, which is then a part of the response.
     rounding : float
-        Relative rounding of the entries of K and M.
+        Relative rounding of the entries of K and M. No two methods agree better than it lets the response move.
     tolerance : float
         Largest error, relative to ``Evaluation.size``.
 
@@ -96,7 +96,7 @@ def adaptive_flexibility(
     MatrixError
         If stiffness is not definite on elastic motion, or its modes do not converge.
     UnconfirmedError
-        If the error of the model, measured at two frequencies, exceeds the tolerance.
+        If the error of the model, measured at two frequencies, exceeds the tolerance and what rounding explains.
 
     Notes
     -----
@@ -112,7 +112,7 @@ def adaptive_flexibility(
     flexibility: Solve = ElasticFlexibility(Z.K, Z.M, rigid) if rigid.shape[1] else factorise(Z.K)
     ceiling = _BEYOND * float(omega.max())
     w, Phi = modes_below(Z.K, Z.M, ceiling, rigid=rigid, solve=flexibility, rounding=rounding)
-    shapes = FlexibilityShapes(Z, load, flexibility, rigid if damped_rigid else rigid[:, :0])
+    shapes = FlexibilityShapes(Z, load, flexibility, rigid, damped_rigid=damped_rigid)
     shapes.add(Phi)
     grid = _sampled(omega, w)
     model = shapes.model(ceiling)
@@ -122,12 +122,15 @@ def adaptive_flexibility(
             break
         shapes.add(shapes.toward(directions))
         model = shapes.model(ceiling)
-    _confirm(Z, load, shapes, model, omega, tolerance)
+    _confirm(Z, load, shapes, model, omega, tolerance, rounding)
     return model
 
 
 class FlexibilityShapes:
     """Elastic shapes V with V^T K V = 1, and the parts of K^-1 times loads, M V, loss V and D V outside them.
+
+    The elastic shapes are M-orthogonal to the rigid modes. K does not resist rigid motion, so that its norm would not
+    notice the rigid part that rounding leaves in a shape.
 
     Parameters
     ----------
@@ -137,21 +140,24 @@ class FlexibilityShapes:
         Loads.
     flexibility : Solve
         Elastic displacement under loads, M-orthogonal to the rigid modes; K^-1 for a held body.
-    damped_rigid : (n, b) float64
-        Rigid motions, orthonormal in M, on which damping acts; they are the first shapes.
+    rigid : (n, r) float64
+        Rigid-body modes, orthonormal in M.
+    damped_rigid : bool
+        True if D acts on rigid motion; the rigid modes are then the first shapes.
     """
 
-    def __init__(self, Z: DynamicStiffness, load: Real, flexibility: Solve, damped_rigid: Real) -> None:
+    def __init__(self, Z: DynamicStiffness, load: Real, flexibility: Solve, rigid: Real, *, damped_rigid: bool) -> None:
         self.Z, self.load, self.flexibility = Z, load, flexibility
-        self.rigid_count = damped_rigid.shape[1]
-        self.basis = damped_rigid
+        self._rigid, self._momentum = rigid, np.asarray(Z.M @ rigid)
+        self.basis = rigid if damped_rigid else rigid[:, :0]
+        self.rigid_count = self.basis.shape[1]
         self._matrices = {_MASS: Z.M, _LOSS: Z.loss, _DRAG: Z.D}
         self._small = {origin: np.zeros((0, 0)) for origin in self._matrices}
         # Parts outside the shapes, with the matrix and the load or shape of each, and its length with the part inside.
         self._columns = load[:, :0]
         self._origin, self._index, self._length = np.empty(0, int), np.empty(0, int), np.empty(0)
         self._put_outside(load, _LOAD, 0)
-        self._multiply(damped_rigid, load[:, :0])
+        self._multiply(self.basis, load[:, :0])
         self._settle()
 
     @property
@@ -237,10 +243,11 @@ class FlexibilityShapes:
         # The second pass removes the rounding of the first.
         for _ in range(2):
             X = X - self.elastic @ (self.elastic.T @ (self.Z.K @ X))
+            X = X - self._rigid @ (self._momentum.T @ X)
         return X
 
     def _independent(self, X: Real) -> Real:
-        """Part of X outside the shapes, orthonormal in K; the second pass reaches round-off."""
+        """Elastic part of X outside the shapes, orthonormal in K; the second pass reaches round-off."""
         for _ in range(2):
             length = self._lengths(X)
             X = self._without(X[:, length > 0] / length[length > 0])
@@ -252,7 +259,13 @@ class FlexibilityShapes:
 
 
 def _confirm(
-    Z: DynamicStiffness, load: Real, shapes: FlexibilityShapes, model: FlexibilityModel, omega: Real, tolerance: float
+    Z: DynamicStiffness,
+    load: Real,
+    shapes: FlexibilityShapes,
+    model: FlexibilityModel,
+    omega: Real,
+    tolerance: float,
+    rounding: float,
 ) -> None:
     """Measure the error with the body's matrices where its bound is largest, and at a random frequency."""
     detuned = model.detuning(omega)
@@ -264,13 +277,17 @@ def _confirm(
     random = np.random.default_rng(clear.size).integers(clear.size)
     for w in np.unique(clear[[int(error.argmax()), int(random)]]):
         found = model(np.array([w]))
+        motion = shapes.basis @ (shapes.turn @ model.amplitudes(np.array([w]))[0])
         if model.coupled:
             difference = Z.flexibility(load, w) - found.Y[0]
         else:
-            r = load - Z.at(w) @ (shapes.basis @ (shapes.turn @ model.amplitudes(np.array([w]))[0]))
+            r = load - Z.at(w) @ motion
             undamped = factorise(sp.csc_array(Z.K - w**2 * Z.M), definite=False, what="the dynamic stiffness")
             difference = r.T @ (undamped(r.real) + 1j * undamped(r.imag))
-        measured = float((abs(difference) / np.sqrt(np.outer(found.size[0], found.size[0]))).max())
+        # Rounding dK of the stiffness moves the response by u^T dK u.
+        explained = rounding * (abs(motion).T @ (abs(Z.K) @ abs(motion)))
+        size = np.sqrt(np.outer(found.size[0], found.size[0]))
+        measured = float((abs(difference) / np.maximum(size, explained / tolerance)).max())
         if not measured <= tolerance:
             raise UnconfirmedError(
                 f"the flexibility model errs by {measured:.1e} at {w / 2 / np.pi:.6g} Hz where its bound is "

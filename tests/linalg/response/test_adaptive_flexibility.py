@@ -75,13 +75,19 @@ def coupled_twins():
     return K, M, unit(2 * n, n - 6, n - 5, 2 * n - 6, n - 4), np.empty((2 * n, 0)), 2 * np.pi * 400
 
 
-def square_beam():
-    """A free solid of square section: bending modes in pairs of equal frequency."""
-    body = block("beam", [1.0, 0.1, 0.1], [16, 3, 3])
+def rigid_motions(body):
+    """Rigid motions of a solid, whose nodes have three translations."""
     R = np.zeros((body.n, 6))
     for c in range(3):
         R[c::3, c] = 1
         R[:, 3 + c] = np.cross(np.eye(3)[c], body.nodes.xyz).ravel()
+    return R
+
+
+def square_beam():
+    """A free solid of square section: bending modes in pairs of equal frequency."""
+    body = block("beam", [1.0, 0.1, 0.1], [16, 3, 3])
+    R = rigid_motions(body)
     F = balanced(unit(body.n, 0, 1, body.n - 1, body.n // 2), body.M, R)
     return sp.csc_array(body.K), sp.csc_array(body.M), F, R, 2 * np.pi * 6000
 
@@ -178,6 +184,30 @@ def test_a_model_errs_by_no_more_than_its_bound(name, law):
         # and massless dofs it is 1e-7 for the model and 3e-11 for a solve.
         assert error < max(1.5 * found.error[k], RESPONSE_TOLERANCE / 5, 5 * rounding)
         np.testing.assert_array_less(abs(np.diagonal(exact)) * (1 - 1e-5), found.size[k])
+
+
+@pytest.mark.parametrize("law", ["0.1 %", "stiffness"])
+@pytest.mark.parametrize(
+    ("thickness", "face_loads"),
+    [(1e-3, True), (5e-4, False)],
+    ids=["rigid part of shapes", "response moved by rounding"],
+)
+def test_a_sheet_of_bricks(thickness, face_loads, law):
+    """The sheet bends at 1e-5 of its highest frequency, so that rounding of K is large beside its bending stiffness."""
+    body = block("sheet", [0.5, 0.4, thickness], [8, 6, 1])
+    K, M, R, F = sp.csc_array(body.K), sp.csc_array(body.M), rigid_motions(body), unit(body.n, 2, body.n - 1)
+    if face_loads:
+        edge = body.nodes.xyz[:, 0] == 0
+        F = np.hstack([np.kron(edge[:, None] / edge.sum(), np.eye(3)), F])
+    F = balanced(F, M, R)
+    # The first elastic mode is at 19.85 Hz for 1 mm.
+    grid = 2 * np.pi * 19.85e3 * thickness * np.linspace(0.1, 7, 200)
+    Z = DynamicStiffness(K, M, *damping(law, K, M, grid[-1]))
+    model = adaptive_flexibility(Z, F, grid, rigid=R)
+    for w in grid[100::33]:
+        found, exact = model(np.array([w])), solved(Z, F, w)[1]
+        error = abs(found.Y[0] - exact) / np.sqrt(np.outer(found.size[0], found.size[0]))
+        assert error.max() < RESPONSE_TOLERANCE
 
 
 def test_a_model_with_wrong_mass_is_not_confirmed(monkeypatch):
