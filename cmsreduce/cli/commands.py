@@ -17,7 +17,6 @@ from cmsreduce.cli.options import (
     convert_options,
     figure_completion,
     key_completion,
-    load_ahead,
     output_options,
     pipeline_options,
     run_options,
@@ -62,7 +61,6 @@ def _run(
     cluster: str | None = None,
 ) -> None:
     """Run a pipeline: every stage it names, reusing finished ones."""
-    load_ahead(jobs)
     from cmsreduce.pipeline import STAGES, execute
     from cmsreduce.pipeline.batch import opened_run
 
@@ -286,7 +284,6 @@ def sweep(
     Lists and mappings are in brackets: --over 'balance.keep={modes: 10},{frf_error: 0.01}'. Exit codes: 0 all points
     met their limits, 1 a limit was broken or a point failed, 2 the sweep itself is wrong.
     """
-    load_ahead(jobs)
     from cmsreduce.pipeline.batch import sweep as swept_pipeline
     from cmsreduce.pipeline.batch import sweep_axes, write_sweep
     from cmsreduce.pipeline.store import Failures

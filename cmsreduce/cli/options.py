@@ -19,7 +19,6 @@ __all__ = [
     "convert_options",
     "figure_completion",
     "key_completion",
-    "load_ahead",
     "output_options",
     "pipeline_options",
     "run_options",
@@ -44,21 +43,6 @@ _LIBRARIES = ["cmsreduce.pipeline.batch", "h5py", "scipy.optimize"]
 def work_in(folder: Path) -> None:
     """Name the run directory of this command, where a crash file belongs."""
     click.get_current_context().meta[_FOLDER] = folder
-
-
-def load_ahead(jobs: int) -> None:
-    """Load the libraries once for several processes, which are copies of one that does nothing else.
-
-    It loads them while this process loads its own and reads the pipeline. Where processes cannot be copied, each loads
-    its libraries when it starts.
-    """
-    if jobs == 1:
-        return
-    from multiprocessing import forkserver, get_all_start_methods
-
-    if "forkserver" in get_all_start_methods():
-        forkserver.set_forkserver_preload(_LIBRARIES)
-        forkserver.ensure_running()
 
 
 class _Context(click.Context):
@@ -98,6 +82,7 @@ class _Command(click.Command):
             # Also where the other options are wrong.
             parent.meta[_AS_JSON] = True
         context = super().make_context(info_name, args, parent, **extra)
+        _load_ahead(context.params.get("jobs", 1))
         if "as_json" in context.params:
             check_memory()
             from cmsreduce.report import opened_output
@@ -108,6 +93,21 @@ class _Command(click.Command):
             if isinstance(given, Path) and (given / "summary.json").is_file():
                 context.meta[_FOLDER] = given
         return context
+
+
+def _load_ahead(jobs: int) -> None:
+    """Load the libraries once for several processes, which are copies of one that does nothing else.
+
+    It loads them while this process loads its own and reads the pipeline. Where processes cannot be copied, each loads
+    its libraries when it starts.
+    """
+    if jobs == 1:
+        return
+    from multiprocessing import forkserver, get_all_start_methods
+
+    if "forkserver" in get_all_start_methods():
+        forkserver.set_forkserver_preload(_LIBRARIES)
+        forkserver.ensure_running()
 
 
 class Commands(click.Group):

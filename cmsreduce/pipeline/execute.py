@@ -192,37 +192,48 @@ def _write(run: Run) -> None:
     if run.pipeline.write is None:
         return
     formats, programs = run.pipeline.write.formats, run.pipeline.write.targets
-    targets = [target for target in formats if target in TARGETS]
     run.stages.progress.stage("write", "component files")
-    values = _values_written(run)
-    for name in run.flexible_names if "hdf5" in formats or targets or programs else ():
-        # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
-        kept, other = run.folder / f"{name}.h5", run.folder / f"stages/{name}.h5"
-        path = write_body(run, name, kept if "hdf5" in formats else other)
-        if path is None:
-            continue
-        if path == kept:
-            run.stages.written.append(path)
-        if any(not term.constant for term in run.bodies[name].body.terms) and (targets or programs):
-            path = write_body(run.at_values(values), name, other)
-            if path is None:
-                continue
-            run.stages.note(
-                f"{name}: files of other programs hold it with {parameter_label(values) or 'all parameters at zero'} "
-                "(write.configuration)"
-            )
-        for target in targets:
-            run.stages.written.extend(_write_target(run, name, target, path))
-        for program in programs:
-            run.stages.written.extend(_write_for(run, name, program, path))
-        if path != kept:
-            path.unlink()
+    bodies = run.flexible_names if "hdf5" in formats or programs or any(each in TARGETS for each in formats) else []
+    for written in run.on_bodies(_write_body, bodies, tuple(run.stages.notes)):
+        run.stages.written.extend(run.folder / path for path in written)
     if "hdf5" in formats:
         run.stages.written.extend(write_system_file(run))
     if "matlab" in formats:
         run.stages.written.extend(_write_states(run))
     if "fmi" in formats:
         run.stages.written.extend(_write_units(run))
+
+
+def _write_body(run: Run, name: str, notes: Sequence[str]) -> list[Path]:
+    """Write the component file of a body, with notes of the run, and its files of other programs.
+
+    The paths returned are relative to the run directory, which other processes may name otherwise.
+    """
+    assert run.pipeline.write is not None
+    formats, programs = run.pipeline.write.formats, run.pipeline.write.targets
+    targets = [target for target in formats if target in TARGETS]
+    # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
+    kept, other = run.folder / f"{name}.h5", run.folder / f"stages/{name}.h5"
+    path = write_body(run, name, kept if "hdf5" in formats else other, notes)
+    if path is None:
+        return []
+    written = [path] if path == kept else []
+    if any(not term.constant for term in run.bodies[name].body.terms) and (targets or programs):
+        values = _values_written(run)
+        path = write_body(run.at_values(values), name, other, notes)
+        if path is None:
+            return [kept.relative_to(run.folder) for kept in written]
+        run.stages.note(
+            f"{name}: files of other programs hold it with {parameter_label(values) or 'all parameters at zero'} "
+            "(write.configuration)"
+        )
+    for target in targets:
+        written += _write_target(run, name, target, path)
+    for program in programs:
+        written += _write_for(run, name, program, path)
+    if path != kept:
+        path.unlink()
+    return [path.relative_to(run.folder) for path in written]
 
 
 def _values_written(run: Run) -> Values:

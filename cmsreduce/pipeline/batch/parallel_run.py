@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from uuid import uuid4
 
 from cmsreduce.config import Pipeline, load_pipeline
 from cmsreduce.model import ConfigurationResult, Failure
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
 from cmsreduce.pipeline.batch.workers import Workers
-from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.run import Run, file_size
 from cmsreduce.pipeline.store import (
     CommonWork,
     Failures,
@@ -29,6 +29,8 @@ from cmsreduce.pipeline.system import ReducedModel
 from cmsreduce.read import expect_kind
 
 __all__ = ["ParallelRun", "opened_run"]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ class ParallelRun(Run):
         """Reduce and orthonormalise all bodies, each in a process of its own; copies of a body are done with it."""
         asked = {name: (self.body_key(name), self.pipeline.reduce_of(name)) for name in self.flexible_names}
         names = [name for k, (name, keys) in enumerate(asked.items()) if keys not in [*asked.values()][:k]]
+        # The longest work first: no process is left with it while the others are done.
+        names.sort(key=lambda name: file_size(self.pipeline, name), reverse=True)
         if len(names) > 1:
             self.stages.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
             for _ in self._outcomes(_finish_body, [(name,) for name in names]):
@@ -93,6 +97,26 @@ class ParallelRun(Run):
                 for each in self.comparison.measured([configuration], models):
                     found[number] = each
         return tuple(found[number] for number in sorted(found))
+
+    def on_bodies(self, work: Callable[..., T], names: Sequence[str], *shared: object) -> list[T]:
+        """Results of a piece of work on each of some bodies; each process does it for some of them."""
+        # A process would first rank or project the modes again.
+        if len(names) == 1 or self._ranks or self.pipeline.project is not None:
+            return super().on_bodies(work, names, *shared)
+        known = tuple(self.stages.notes)
+        tasks = [(name, work, shared, known) for name in names]
+        found = {name: outcome for (name, *_), outcome in self._outcomes(_on_body, tasks)}
+        results = []
+        for name in names:
+            if name not in found:
+                results.append(work(self, name, *shared))
+                continue
+            result, failures, notes = found[name]
+            report_failures(failures)
+            for note in notes:
+                self.stages.note(note)
+            results.append(result)
+        return results
 
     def _outcomes(self, work: Any, arguments: Sequence[tuple[Any, ...]]) -> Iterator[tuple[Any, Any]]:
         """Arguments and result of each piece of work that succeeded, in the order they are finished."""
@@ -190,6 +214,21 @@ def _finish_body(opening: _Opening, name: str) -> bool | None:
         # Any error: the run that gave the task meets the same one in its own process, and reports it.
         return None
     return True
+
+
+def _on_body(
+    opening: _Opening, name: str, work: Callable[..., T], shared: Sequence[object], known: Sequence[str]
+) -> tuple[T, tuple[Failure, ...], list[str]] | None:
+    """Result of a piece of work on a body, failures, and notes beside the known ones."""
+    try:
+        run = _opened(opening)
+        run.stages.notes = [*known]
+        with collecting(Failures(log=run.stages.failures.log)) as failed:
+            result = work(run, name, *shared)
+    except Exception:
+        # As for a body: the run does this work itself, and reports the error.
+        return None
+    return result, tuple(failed), run.stages.notes[len(known) :]
 
 
 def _measure(

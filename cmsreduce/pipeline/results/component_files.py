@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +21,9 @@ from cmsreduce.write import write_component, write_system
 __all__ = ["write_body", "write_system_file"]
 
 
-@diagnostic("the component file of '{}'", about=lambda run, name, _: name, required=True)
-def write_body(run: Run, name: str, path: Path) -> Path | None:
-    """Write the component file of a body."""
+@diagnostic("the component file of '{}'", about=lambda run, name, *_: name, required=True)
+def write_body(run: Run, name: str, path: Path, notes: Sequence[str] = ()) -> Path | None:
+    """Write the component file of a body, with notes of the run."""
     model, component = run.model.assembled, run.written(name)
     wiring = model.wiring(Configuration("as built"))
     columns, L = model.stack.body_columns(name), run.written_motions(name)
@@ -43,7 +43,7 @@ def write_body(run: Run, name: str, path: Path) -> Path | None:
         inputs=inputs,
         outputs=outputs,
         checks=component_checks(run, name),
-        provenance=_provenance(run),
+        provenance=_provenance(run, notes),
         all_nodes=run.pipeline.write is not None and run.pipeline.write.all_nodes,
         frame=frame,
         about=integral_frame_of(run, name, frame),
@@ -67,14 +67,18 @@ def write_system_file(run: Run, path: Path | None = None) -> tuple[Path, ...]:
     model = run.model.assembled
     systems = [model.system(configuration) for configuration in run.scene.configurations]
     write_system(
-        path, systems, provenance=_provenance(run), units=run.scene.units, quantities=channel_quantities(run.scene)
+        path,
+        systems,
+        provenance=_provenance(run, run.stages.notes),
+        units=run.scene.units,
+        quantities=channel_quantities(run.scene),
     )
     return (path,)
 
 
-def _provenance(run: Run) -> Mapping[str, Any]:
+def _provenance(run: Run, notes: Sequence[str]) -> Mapping[str, Any]:
     return {
         "pipeline": run.pipeline.name,
         "settings": run.pipeline.model_dump(mode="json", exclude_none=True),
-        "notes": list(run.stages.notes),
+        "notes": list(notes),
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +14,6 @@ from cmsreduce.model import (
     ComponentResult,
     Configuration,
     Finding,
-    HealthFinding,
     ModalComponent,
     ModeCertificate,
     Proof,
@@ -31,9 +32,15 @@ from cmsreduce.pipeline.results.step_advice import (
     body_rounding,
     treated_model,
 )
-from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves, scene_drawing
+from cmsreduce.pipeline.results.views import (
+    body_drawing,
+    body_effective_mass,
+    effective_mass_curves,
+    gain_curves,
+    scene_drawing,
+)
 from cmsreduce.pipeline.run import MODEL, Run
-from cmsreduce.pipeline.store import collecting, diagnostic
+from cmsreduce.pipeline.store import Failures, collecting, diagnostic, once, report_failures
 from cmsreduce.pipeline.system import AssembledModel, highest_frequency
 from cmsreduce.verify import frequency_error_bars
 
@@ -74,6 +81,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         Add the drawing, the effective masses and the gains, which only pictures and the page show.
     """
     with collecting(run.stages.failures):
+        _find_at_once(run, views)
         found = _result(run)
         if views:
             found = replace(
@@ -83,6 +91,26 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
                 gains=gain_curves(run),
             )
         return with_failures(run, found)
+
+
+def _find_at_once(run: Run, views: bool) -> None:
+    """Find what takes long for each body, several bodies at a time; the run holds the results."""
+    # All bodies need these.
+    _ = run.final, run.selection
+
+    def find(name: str) -> Failures:
+        with collecting(Failures(log=run.stages.failures.log)) as failed:
+            _error_bars_hz(run, name)
+            if views:
+                body_drawing(run, name)
+                body_effective_mass(run, name)
+        return failed
+
+    contexts = [copy_context() for _ in run.reduced_names]
+    with ThreadPoolExecutor(run.stages.solver.thread_count) as pool:
+        # Failures in the order of the bodies.
+        for failed in pool.map(lambda context, name: context.run(find, name), contexts, run.reduced_names):
+            report_failures(failed)
 
 
 def with_failures(run: Run, result: RunResult) -> RunResult:
@@ -103,7 +131,8 @@ def _result(run: Run) -> RunResult:
         flexible = run.bodies[name]
         modes, kept = _modes_shown(run, name)
         factorised = run.stages.factorised.get(name, {})
-        bars, known[name] = _error_bars(run.final[name], limits.get("frequency_error", _KNOWN))
+        bars, hz = _error_bars_hz(run, name), run.final[name].frequencies_hz[run.final[name].elastic]
+        known[name] = tuple(error_bar(hz, bars, limits.get("frequency_error", _KNOWN)))
         components[name] = ComponentResult(
             name=name,
             full_dofs=flexible.body.n,
@@ -188,11 +217,11 @@ def mode_count(name: str, certificate: ModeCertificate | None) -> Proof:
     return Proof("mode count", "proven", digits, f"{found} modes {upto}, {how}", name)
 
 
-def _error_bars(modes: ModalComponent, limit: float) -> tuple[NDArray[np.float64], tuple[HealthFinding, ...]]:
-    """Error bars of the elastic modes of a body in Hz, and the finding on the worst of them."""
-    elastic = np.arange(modes.omega.size)[modes.elastic]
-    bars = frequency_error_bars(modes, elastic)
-    return bars, tuple(error_bar(modes.frequencies_hz[elastic], bars, limit))
+@once
+def _error_bars_hz(run: Run, name: str) -> NDArray[np.float64]:
+    """Error bars of the elastic modes of a body."""
+    modes = run.final[name]
+    return frequency_error_bars(modes, np.arange(modes.omega.size)[modes.elastic])
 
 
 def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]]:

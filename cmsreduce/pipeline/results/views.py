@@ -29,12 +29,12 @@ from cmsreduce.model import (
 )
 from cmsreduce.pipeline.bodies import cells_of, wireframe
 from cmsreduce.pipeline.run import Run
-from cmsreduce.pipeline.store import diagnostic
+from cmsreduce.pipeline.store import diagnostic, once
 from cmsreduce.pipeline.system import channel_gains
 from cmsreduce.verify import effective_mass, held_modes
 from cmsreduce.write import basic_shapes
 
-__all__ = ["effective_mass_curves", "gain_curves", "scene_drawing"]
+__all__ = ["body_drawing", "body_effective_mass", "effective_mass_curves", "gain_curves", "scene_drawing"]
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def scene_drawing(run: Run) -> SceneDrawing | None:
     """Drawing of the scene of a run; None where no body has a geometry."""
     bodies: dict[str, BodyDrawing] = {}
     for name in run.reduced_names:
-        drawn = _flexible(run, name)
+        drawn = body_drawing(run, name)
         if drawn is not None:
             bodies[name] = drawn
     for name, body in run.rigid_bodies.items():
@@ -63,8 +63,10 @@ def scene_drawing(run: Run) -> SceneDrawing | None:
     )
 
 
+@once
 @diagnostic("the drawing of '{}'", about=lambda run, name: name)
-def _flexible(run: Run, name: str) -> BodyDrawing | None:
+def body_drawing(run: Run, name: str) -> BodyDrawing | None:
+    """Wireframe and shapes of a flexible body; None without geometry."""
     body = run.bodies[name].body
     found = wireframe(body, cells_of(body))
     if found is None or body.nodes is None:
@@ -157,12 +159,14 @@ def _system(run: Run, configuration: Configuration, bodies: dict[str, BodyDrawin
 
 def effective_mass_curves(run: Run) -> dict[str, EffectiveMassCurve]:
     """Running effective mass of every body with a geometry, with all its interfaces held."""
-    curves = {name: _effective_mass(run, name) for name in run.reduced_names}
+    curves = {name: body_effective_mass(run, name) for name in run.reduced_names}
     return {name: curve for name, curve in curves.items() if curve is not None}
 
 
+@once
 @diagnostic("the effective mass of '{}'", about=lambda run, name: name)
-def _effective_mass(run: Run, name: str) -> EffectiveMassCurve | None:
+def body_effective_mass(run: Run, name: str) -> EffectiveMassCurve | None:
+    """Running effective mass of one body; None without geometry or interfaces."""
     body = run.bodies[name].body
     if body.nodes is None or not body.interfaces:
         return None

@@ -15,6 +15,7 @@ from cmsreduce.read import sha256_of
 
 __all__ = [
     "body_key",
+    "file_size",
     "projected_error",
     "proof_key",
     "read_key",
@@ -50,6 +51,11 @@ def proof_key(pipeline: Pipeline, name: str) -> str:
     own["damping"] = "law" if law or part.damping is None else part.damping.model_dump()
     files = {str(path): sha256_of(path) for path in sorted(_named(own)) if path.is_file()}
     return stage_key("proof", name, own, part.damping is None, pipeline.units.name, files)
+
+
+def file_size(pipeline: Pipeline, name: str) -> int:
+    """Bytes of the files that a body is read from: a measure of the work on it."""
+    return sum(path.stat().st_size for path in {*_named(pipeline.components[name].model_dump())} if path.is_file())
 
 
 def _named(value: Any) -> Iterator[Path]:

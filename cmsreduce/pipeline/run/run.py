@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ from cmsreduce.pipeline.store import Failures, collecting, diagnostic, once, rep
 from cmsreduce.pipeline.system import MODEL, ReducedModel
 
 __all__ = ["MODEL", "STAGES", "Run"]
+
+T = TypeVar("T")
 
 STAGES = ("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write")
 """Stages in the order data flows."""
@@ -107,6 +110,10 @@ class Run(ChoiceStages):
     def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
         """Errors and curves of reduced models in every configuration."""
         return self.comparison.errors(models, self.stages.progress)
+
+    def on_bodies(self, work: Callable[..., T], names: Sequence[str], *shared: object) -> list[T]:
+        """Results of a piece of work on each of some bodies; it takes the run, a name, and what all have in common."""
+        return [work(self, name, *shared) for name in names]
 
     @property
     @once

@@ -9,6 +9,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import h5py
 import pytest
 
 from cmsreduce.config import load_pipeline
@@ -17,6 +18,7 @@ from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.batch import opened_run
 from cmsreduce.pipeline.batch.parallel_run import ParallelRun
 from cmsreduce.pipeline.batch.workers import Workers
+from cmsreduce.write.seal import SEAL
 from tests.pipeline.rounding import assert_close
 from tests.pipeline.study import Log
 from tests.pipeline.test_reuse import untimed
@@ -55,10 +57,40 @@ def test_processes_find_the_same_as_one(alone: Any, good_study: Path, tmp_path: 
         assert not isinstance(again, ParallelRun)
 
 
+@pytest.mark.usefixtures("warm_processes")
+def test_processes_write_the_files_of_the_bodies(
+    good_study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, keys = good_study / "study.yaml", ("balance=null", "verify=null", "write.formats=[hdf5, sid]")
+    alone = Run(load_pipeline(path, keys), tmp_path / "alone", Log())
+    execute(alone, path, keys, report=False)
+    with opened_run(path, keys, tmp_path / "both", Log(), jobs=2) as run:
+        # This process writes none of them.
+        monkeypatch.delitem(execute.__globals__, "write_body")
+        execute(run, path, keys, report=False)
+    own, other = (
+        [file.relative_to(each.folder) for file in each.stages.written if file.parent == each.folder]
+        for each in (alone, run)
+    )
+    assert other == own
+    assert {file.stem for file in own} == {"arm", "panel", "system"}
+    for file in own:
+        first, second = alone.folder / file, run.folder / file
+        if file.suffix != ".h5":
+            assert first.read_bytes() == second.read_bytes()
+            continue
+        with h5py.File(first) as one, h5py.File(second) as two:
+            assert one.attrs[SEAL] == two.attrs[SEAL]
+
+
 class Dying(Executor):
     """Every process dies of its task."""
 
+    def __init__(self) -> None:
+        self.tasks: list[tuple[Any, ...]] = []
+
     def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        self.tasks.append(arguments)
         future: Future[Any] = Future()
         future.set_exception(BrokenProcessPool())
         return future
@@ -71,6 +103,16 @@ def test_what_processes_do_not_finish_is_done_by_the_run(alone: Any, good_study:
     run.finish_bodies()
     execute(run, path, report=False)
     assert_close(alone, summary(tmp_path))
+
+
+@pytest.mark.parametrize("longest", ["arm", "panel"])
+def test_the_longest_work_begins_first(longest: str, study: Path, tmp_path: Path) -> None:
+    with (study.parent / f"{longest}.bdf").open("a") as deck:
+        deck.write("$\n" * 10**6)
+    executor = Dying()
+    workers = Workers(2, 1, None, lambda jobs: nullcontext(executor), (BrokenProcessPool,))
+    ParallelRun(load_pipeline(study), tmp_path, Log(), workers, executor).finish_bodies()
+    assert [name for *_, name in executor.tasks] == [longest, *({"arm", "panel"} - {longest})]
 
 
 @pytest.mark.usefixtures("warm_processes")
