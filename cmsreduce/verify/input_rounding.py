@@ -111,7 +111,8 @@ def _of_independent(errors: sp.csc_array, Phi: Array, columns: NDArray[np.int64]
     product, diagonal = symmetric_product(errors), errors.diagonal()
     found = np.zeros(columns.size)
     for part in column_blocks(columns.size):
-        phi = np.asarray(Phi[:, columns[part]]) ** 2
+        # By rows, as the product reads and writes them.
+        phi = np.square(Phi[:, columns[part]], order="C")
         # Twice each pair of entries, and once the diagonal.
-        found[part] = 2 * np.einsum("ij,ij->j", phi, product(phi)) - diagonal @ phi**2
+        found[part] = 2 * np.einsum("ij,ij->j", phi, product(phi)) - diagonal @ np.square(phi, out=phi)
     return found
