@@ -90,12 +90,14 @@ class HeldStiffness:
 
     def _force(self, X: Array) -> Array:
         """K X with sums in long double."""
-        exact, force = X.astype(np.longdouble), np.empty(X.shape)
+        exact, force = np.asfortranarray(X, dtype=np.longdouble), np.empty(X.shape)
 
         def multiply(_: int, rows: slice) -> None:
             part = rows_of(self.K, rows.start, rows.stop)
             part = sp.csr_array((part.data.astype(np.longdouble), part.indices, part.indptr), part.shape)
-            force[rows] = np.asarray(part @ exact)
+            # The sum of one column stays in a register; those of a block would go to memory and back at each entry.
+            for k in range(X.shape[1]):
+                force[rows, k] = part @ exact[:, k]
 
         share_rows(X.shape[0], _COPIED, multiply)
         return force

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blocks import one_norm, symmetric_product
+from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.linalg.eigen.held_stiffness import HeldStiffness
 from cmsreduce.linalg.eigen.pencil import energy_parts
 from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, NotPositiveDefiniteError, factorise
@@ -283,9 +283,12 @@ def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> _Ge
     Q = Q[:, s > DEPENDENT * s.max()]
     force = symmetric_product(K)(Q)
     _, s, vt = la.svd(force, full_matrices=False)
-    shapes, unforced = Q @ vt.T, s <= _RIGID_FACTOR * max(rounding, DOUBLE) * one_norm(K)
-    energy = np.einsum("ij,ij->j", shapes, force @ vt.T)
-    share = _share(energy, energy_parts(K, shapes))
+    shapes = Q @ vt.T
+    energy, sizes = np.einsum("ij,ij->j", shapes, force @ vt.T), abs(shapes)
+    # The 1-norm of K is the largest force if every dof moves by one and nothing cancels.
+    parts = symmetric_product(absolute(K))(np.hstack([sizes, np.ones((K.shape[0], 1))]))
+    unforced = s <= _RIGID_FACTOR * max(rounding, DOUBLE) * parts[:, -1].max()
+    share = _share(energy, np.einsum("ij,ij->j", sizes, parts[:, :-1]))
     # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
     limit = max(_LEFT_BY_FILE * rounding, CONDENSATION)
     rigid = unforced & _is_rounding(share, limit)
