@@ -36,7 +36,7 @@ from cmsreduce.linalg.machine import (  # noqa: E402
     solver_settings,
 )
 from cmsreduce.linalg.sparse import Factor, factorise, share_order  # noqa: E402
-from cmsreduce.linalg.sparse.lower_triangle import lower_pattern  # noqa: E402
+from cmsreduce.linalg.sparse.lower_triangle import nonzero_pattern  # noqa: E402
 from cmsreduce.linalg.sparse.multifrontal import Multifrontal  # noqa: E402
 from cmsreduce.linalg.sparse.mumps import Mumps  # noqa: E402
 from cmsreduce.linalg.sparse.pardiso import Pardiso  # noqa: E402
@@ -123,7 +123,7 @@ def counts(names: list[str], threads: int) -> Iterator[list[str]]:
         for kind, make in kinds.items():
             with solver_settings(SolverSettings(threads=threads)) as settings:
                 order = share_order(A)
-                settings.orders.store(*lower_pattern(A), nested_dissection(A) if order is None else order)
+                settings.orders.store(*nonzero_pattern(A), nested_dissection(A) if order is None else order)
                 busy = time.process_time()
                 seconds, factor = least(lambda make=make, A=A: make(A))
                 busy = (time.process_time() - busy) / ROUNDS

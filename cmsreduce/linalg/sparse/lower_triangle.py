@@ -1,4 +1,4 @@
-"""Lower triangle of a sparse symmetric matrix, column by column: its pattern and its values."""
+"""Patterns of a sparse symmetric matrix, and the values of its lower triangle, column by column."""
 
 from __future__ import annotations
 
@@ -9,12 +9,36 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-__all__ = ["lower_pattern", "lower_triangle"]
+__all__ = ["lower_pattern", "lower_triangle", "nonzero_pattern"]
 
 Integers = NDArray[np.int32]
 
 # Columns in a block: temporary arrays take memory that the factor needs.
 _COLUMNS = 4096
+
+
+def nonzero_pattern(A: sp.csc_array) -> tuple[Integers, Integers]:
+    """Pattern of both triangles without stored zeros: that of the matrix itself, without a copy, where it stores none.
+
+    By it an order is known: K and K - sigma M have one pattern, although K may store more zeros.
+
+    Parameters
+    ----------
+    A : (n, n) csc array
+        Symmetric.
+
+    Returns
+    -------
+    starts : (n + 1,) int32
+        Start of each column in ``rows``.
+    rows : int32
+        Rows, ascending in each column.
+    """
+    if np.count_nonzero(A.data) < A.nnz:
+        A = A.copy()
+        A.eliminate_zeros()
+    A = A if A.has_sorted_indices else A.sorted_indices()
+    return A.indptr.astype(np.int32, copy=False), A.indices.astype(np.int32, copy=False)
 
 
 def lower_pattern(A: sp.csc_array) -> tuple[Integers, Integers]:
@@ -30,7 +54,7 @@ def lower_pattern(A: sp.csc_array) -> tuple[Integers, Integers]:
     starts : (n + 1,) int32
         Start of each column in ``rows``.
     rows : int32
-        Rows, ascending in each column. K and K - sigma M have the same pattern, although K may store more zeros.
+        Rows, ascending in each column.
     """
     A = _ready(A)
     starts, pieces = np.zeros(A.shape[0] + 1, dtype=np.int32), [np.zeros(0, dtype=np.int32)]
@@ -78,7 +102,7 @@ def _pieces(A: sp.csc_array) -> Iterator[tuple[slice, slice, NDArray[np.bool_]]]
             np.diff(A.indptr[columns.start : columns.stop + 1]),
         )
         rows = A.indices[entries]
-        # Stored zeros would cause fill, and K would have another pattern than K - sigma M.
+        # Stored zeros would cause fill.
         yield columns, entries, (rows > column) & (A.data[entries] != 0) | (rows == column)
 
 

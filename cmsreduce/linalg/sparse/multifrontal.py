@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.machine import current_settings
 from cmsreduce.linalg.sparse.factor import Admit, Factor, FactorCost, SingularFactorError, UnstableFactorError
-from cmsreduce.linalg.sparse.lower_triangle import lower_pattern
+from cmsreduce.linalg.sparse.lower_triangle import nonzero_pattern
 from cmsreduce.model import mapped_values
 from cmsreduce.multifrontal import nested_dissection
 
@@ -67,7 +67,7 @@ class Multifrontal(Factor):
             super(Multifrontal, self).__init__(A, cost)
             admit(self.cost)
 
-        settings, pattern = current_settings(), lower_pattern(A)
+        settings, pattern = current_settings(), nonzero_pattern(A)
         order = settings.orders.find(*pattern)
         if order is None:
             order = nested_dissection(A)

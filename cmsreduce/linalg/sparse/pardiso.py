@@ -14,7 +14,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import by_columns
 from cmsreduce.linalg.machine import current_settings, mkl_library, pardiso, pardiso_pivots
 from cmsreduce.linalg.sparse.factor import Admit, Factor, FactorCost, SingularFactorError
-from cmsreduce.linalg.sparse.lower_triangle import lower_triangle
+from cmsreduce.linalg.sparse.lower_triangle import lower_triangle, nonzero_pattern
 
 __all__ = ["Pardiso"]
 
@@ -83,8 +83,8 @@ class Pardiso(Factor):
         integer = np.dtype(np.int64 if A.shape[0] > _LONG and scale is not None else np.int32)
         indices, indptr = (part.astype(integer, copy=False) for part in (indices, indptr))
         self._matrix: tuple[NDArray[Any], NDArray[Any], NDArray[Any]] = values, indptr, indices
-        orders = current_settings().orders
-        known = orders.find(indptr, indices)
+        orders, pattern = current_settings().orders, nonzero_pattern(A)
+        known = orders.find(*pattern)
         self._order = np.zeros(A.shape[0], integer) if known is None else known.astype(integer)
         self._type = _DEFINITE if definite else _INDEFINITE
         self._handle = np.zeros(64, dtype=np.int64)
@@ -93,7 +93,7 @@ class Pardiso(Factor):
         self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
         self._call(_ANALYSE, size)
         if known is None:
-            orders.store(indptr, indices, self._order)
+            orders.store(*pattern, self._order)
         peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
         nnz = entries if entries > 0 else int(factors * _KIB / self._real.itemsize)
         # With two levels PARDISO does not count operations; this estimate is close for solids and frames.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.machine import current_settings
 from cmsreduce.linalg.sparse.factorisation import LARGE
-from cmsreduce.linalg.sparse.lower_triangle import lower_pattern
+from cmsreduce.linalg.sparse.lower_triangle import nonzero_pattern
 from cmsreduce.multifrontal import dissection_installed, nested_dissection
 
 __all__ = ["part", "share_order"]
@@ -38,7 +38,7 @@ def share_order(A: sp.csc_array, *, borrowed: bool = False) -> NDArray[np.int64]
     """
     if A.shape[0] < LARGE or not dissection_installed():
         return None
-    orders, pattern = current_settings().orders, lower_pattern(A)
+    orders, pattern = current_settings().orders, nonzero_pattern(A)
     order = orders.find(*pattern)
     if order is None:
         order = orders.of_rows(A.shape[0]) if borrowed else None
@@ -69,5 +69,5 @@ def part(A: sp.csc_array, rows: NDArray[np.integer[Any]], order: NDArray[np.int6
         place = np.full(A.shape[0], -1, dtype=np.int64)
         place[rows] = np.arange(rows.size)
         sequence = place[order]
-        current_settings().orders.store(*lower_pattern(inner), sequence[sequence >= 0])
+        current_settings().orders.store(*nonzero_pattern(inner), sequence[sequence >= 0])
     return inner

@@ -1,12 +1,13 @@
 """Stored orders are found again by the pattern of a matrix alone."""
 
+import itertools
 import pickle
 
 import numpy as np
 import scipy.sparse as sp
 
 from cmsreduce.linalg.machine.settings import KnownOrders
-from cmsreduce.linalg.sparse.lower_triangle import lower_pattern
+from cmsreduce.linalg.sparse.lower_triangle import lower_pattern, nonzero_pattern
 from tests.multifrontal.matrices import shuffled, sparse_definite
 
 
@@ -28,3 +29,19 @@ def test_a_pattern_leaves_out_all_zeros_except_on_the_diagonal():
     row, column, value = (np.array(part) for part in zip(*entries, strict=True))
     starts, rows = lower_pattern(sp.csc_array((value, (row, column))))
     assert [rows[starts[k] : starts[k + 1]].tolist() for k in range(4)] == [[0, 2], [1, 2], [2], [3]]
+
+
+def test_stored_zeros_and_the_order_of_entries_make_no_other_pattern():
+    """K may store zeros that K - sigma M does not have."""
+    A = sparse_definite(10, 0.2, 0)
+    entries, (row, column) = sp.coo_array(A), np.argwhere(A.toarray() == 0)[:2].T
+    places = tuple(np.concatenate([own, more]) for own, more in zip(entries.coords, (row, column), strict=True))
+    stored = sp.csc_array(sp.coo_array((np.concatenate([entries.data, [0.0, 0.0]]), places), shape=A.shape))
+    backward = np.concatenate([np.arange(a, b)[::-1] for a, b in itertools.pairwise(A.indptr)])
+    turned = sp.csc_array((A.data[backward], A.indices[backward], A.indptr), shape=A.shape)
+    assert stored.nnz == A.nnz + 2 and not turned.has_sorted_indices
+    for other in (stored, turned):
+        starts, rows = nonzero_pattern(other)
+        np.testing.assert_array_equal(starts, A.indptr)
+        np.testing.assert_array_equal(rows, A.indices)
+    assert stored.nnz == A.nnz + 2
