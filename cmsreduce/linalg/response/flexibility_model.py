@@ -28,6 +28,8 @@ Complex = NDArray[np.complex128]
 # The size of a receptance is at least this share of the sum of its absolute modal terms, so that the error is not
 # measured relative to a deep antiresonance.
 _ANTIRESONANCE = 1e-3
+# Size of a load of zero, so that no quotient is undefined.
+_LEAST = 1e-280
 # If an undamped mode is nearer to the frequency than this, relative to it, the rounding of K determines the response.
 _HIT = 1e-10
 # Memory of the amplitudes of one block of frequencies, in bytes.
@@ -83,7 +85,7 @@ class Evaluation:
     error : (f,) float64
         Upper bound of |error_ab| / sqrt(size_a size_b).
     size : (f, p) float64
-        |Y_aa|, or a thousandth of the sum of its absolute modal terms, whichever is larger.
+        |Y_aa|, a thousandth of the sum of its absolute modal terms, or the energy of its residual: the largest of them.
     residual : (f, q, p) complex128
         Residuals of the loads.
     """
@@ -146,6 +148,8 @@ class FlexibilityModel:
         size = np.maximum(driving, _ANTIRESONANCE * (1 / abs(self._diagonal(omega))) @ self.load**2)
         r = self.residual(omega, y)
         square = np.einsum("fqa,fqa->fa", r.real, r.real) + np.einsum("fqa,fqa->fa", r.imag, r.imag)
+        # Without any shape, as for a body that is stiff in the band, the model is zero.
+        size = np.maximum(size, np.maximum(square, _LEAST))
         error = (square / size).max(axis=1, initial=0.0) * self.amplification(omega)
         return Evaluation(Y, error, size, r)
 

@@ -286,7 +286,7 @@ def _confirm(
             difference = r.T @ (undamped(r.real) + 1j * undamped(r.imag))
         # Rounding dK of the stiffness moves the response by u^T dK u.
         explained = rounding * (abs(motion).T @ (abs(Z.K) @ abs(motion)))
-        size = np.sqrt(np.outer(found.size[0], found.size[0]))
+        size = np.sqrt(found.size[0][:, None]) * np.sqrt(found.size[0])
         measured = float((abs(difference) / np.maximum(size, explained / tolerance)).max())
         if not measured <= tolerance:
             raise UnconfirmedError(

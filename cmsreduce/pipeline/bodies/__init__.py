@@ -20,6 +20,7 @@ from cmsreduce.pipeline.bodies.reference import (
     damped_by_modes,
     in_free_modes,
     reference,
+    wide_in_modes,
 )
 from cmsreduce.pipeline.bodies.spinning import spin_notes
 from cmsreduce.pipeline.bodies.wireframe import cells_of, wireframe
@@ -52,6 +53,7 @@ __all__ = [
     "read_rigid",
     "reduced_body",
     "reference",
+    "wide_in_modes",
     "spin_notes",
     "wireframe",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ __all__ = [
     "damped_by_modes",
     "in_free_modes",
     "reference",
+    "wide_in_modes",
 ]
 
 ALL_MODES = "all modes"
@@ -34,6 +35,9 @@ minute of a core, in every configuration. On a chain of three solid bars, 2952 d
 the cutoff instead err by 3.6e-7 of the peak, by 1.8e-4 of the response at its least, and take 1 % of the time."""
 WRITTEN_LIMIT = 600
 """Dofs up to which an unreduced body is written in all its modes: its modal integrals have 9 n^2 numbers."""
+# From this share of the dofs at interfaces on, all modes take less time than a model that answers a load at each of
+# these: two halves of 1452 dofs welded over 363 take a fifth (structural damping).
+_WIDE = 0.1
 # A sparse factorisation per frequency takes seconds beyond this.
 SPARSE_LIMIT = 20000
 # The reference model of a body too large for either holds modes up to this multiple of the cutoff, all static shapes,
@@ -67,12 +71,19 @@ class Reference:
 
 
 def reference(
-    body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz: float, *, fits: bool = True
+    body: FEModel,
+    ports: Ports,
+    rigid: NDArray[np.float64],
+    cutoff_hz: float,
+    *,
+    fits: bool = True,
+    wide: bool = False,
 ) -> Reference:
     """Choose the representation of an unreduced body in the frequency response.
 
     A damping law stated mode by mode needs all modes of the body, since it applies to all of them, and so does Rayleigh
-    damping with alpha > 0 of a body that floats; other laws act on the sparse matrices. Bodies too large for that are
+    damping with alpha > 0 of a body that floats; other laws act on the sparse matrices, except where the interfaces are
+    wide. Bodies too large for that are
     represented by MacNeal-Rubin with free modes to twice the cutoff: each with the damping that is stated for it, exact
     in statics at every joint and actuator and in the static response to the inertia of these shapes. The summary names
     this representation.
@@ -89,9 +100,11 @@ def reference(
         Cutoff of the reduction.
     fits : bool
         False if the bodies of the scene are too many for all modes of each, by `all_modes_fit`.
+    wide : bool
+        True if all modes save time, by `wide_in_modes`.
     """
     if not in_free_modes(body, rigid, fits=fits):
-        if not damped_by_modes(body, rigid):
+        if not (wide or damped_by_modes(body, rigid)):
             return Reference(None, "sparse dofs")
         return Reference(all_modes(body, rigid), ALL_MODES)
     method = MacNealRubin(_BEYOND_CUTOFF * cutoff_hz)
@@ -113,6 +126,31 @@ def all_modes_fit(bodies: Iterable[tuple[FEModel, NDArray[np.float64]]]) -> bool
     """True if the bodies of a scene, with rigid modes (n, r), that need all their modes are few or small enough."""
     sizes = [body.n for body, rigid in bodies if damped_by_modes(body, rigid)]
     return sum(n for n in sizes if n <= ALL_MODES_LIMIT) <= SYSTEM_LIMIT
+
+
+def wide_in_modes(bodies: Mapping[str, tuple[FEModel, Ports, NDArray[np.float64]]]) -> frozenset[str]:
+    """Names of bodies with wide interfaces whose damping is diagonal in their modes; none if all modes do not fit.
+
+    Parameters
+    ----------
+    bodies : mapping of name to (body, ports, rigid)
+        All flexible bodies of a scene.
+    """
+    wide = {
+        name
+        for name, (body, ports, rigid) in bodies.items()
+        if ports.interface.size > _WIDE * body.n
+        and body.n <= ALL_MODES_LIMIT
+        and body.D is None
+        and not body.terms
+        and not damped_by_modes(body, rigid)
+    }
+    needed = sum(
+        body.n
+        for name, (body, _, rigid) in bodies.items()
+        if name in wide or (damped_by_modes(body, rigid) and body.n <= ALL_MODES_LIMIT)
+    )
+    return frozenset(wide if needed <= SYSTEM_LIMIT else ())
 
 
 def damped_by_modes(body: FEModel, rigid: NDArray[np.float64]) -> bool:

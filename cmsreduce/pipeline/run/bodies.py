@@ -12,7 +12,7 @@ from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import ModeSetKeys
 from cmsreduce.model import CutoffChoice, ModalComponent, ReducedComponent, Substructure
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.pipeline.bodies import Reference, all_modes_fit, damping_remark, in_free_modes, reference
+from cmsreduce.pipeline.bodies import Reference, all_modes_fit, damping_remark, in_free_modes, reference, wide_in_modes
 from cmsreduce.pipeline.choose import CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import SceneBasis, SceneShapes
 from cmsreduce.pipeline.run.keys import read_key, reference_key
@@ -218,13 +218,19 @@ class BodyStages(ReadStages):
 
     @once
     def _reference_key(self, name: str) -> str:
-        return reference_key(self.bodies[name], self.mode_sets.cutoff_hz(name), self.all_modes_fit)
+        return reference_key(self.bodies[name], self.mode_sets.cutoff_hz(name), self.all_modes_fit, name in self._wide)
 
     @property
     @once
     def all_modes_fit(self) -> bool:
         """True if the bodies together are small enough for all their modes in the reference model."""
         return all_modes_fit((each.body, each.rigid) for each in self.bodies.values())
+
+    @property
+    @once
+    def _wide(self) -> frozenset[str]:
+        """Bodies whose interfaces are so wide that all modes save time in the reference model."""
+        return wide_in_modes({name: (each.body, each.ports, each.rigid) for name, each in self.bodies.items()})
 
     @stage(
         "reference",
@@ -236,7 +242,8 @@ class BodyStages(ReadStages):
     def _reference(self, name: str) -> Reference:
         flexible = self.bodies[name]
         cutoff_hz = self.mode_sets.cutoff_hz(name)
-        return reference(flexible.body, flexible.ports, flexible.rigid, cutoff_hz, fits=self.all_modes_fit)
+        wide, fits = name in self._wide, self.all_modes_fit
+        return reference(flexible.body, flexible.ports, flexible.rigid, cutoff_hz, fits=fits, wide=wide)
 
     def reference(self, name: str) -> Reference:
         """Representation of one unreduced body; copies of a body have one."""

@@ -97,11 +97,11 @@ def read_key(pipeline: Pipeline, name: str) -> str:
     return stage_key("read", name, part, scene, residuals, _parameters(pipeline, name))
 
 
-def reference_key(flexible: FlexibleBody, cutoff_hz: float, fits: bool) -> str:
+def reference_key(flexible: FlexibleBody, cutoff_hz: float, fits: bool, wide: bool) -> str:
     """Hash of everything that the representation of an unreduced body depends on."""
     # All modes of a small body are taken, whatever the cutoff.
     beyond = None if fits and flexible.body.n <= ALL_MODES_LIMIT else cutoff_hz
-    return stage_key("reference", flexible.fingerprint, repr(flexible.body.damping), beyond)
+    return stage_key("reference", flexible.fingerprint, repr(flexible.body.damping), beyond, wide)
 
 
 def reference_model_key(pipeline: Pipeline, points: int, references: Mapping[str, str]) -> str:

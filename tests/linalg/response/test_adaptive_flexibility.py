@@ -186,6 +186,15 @@ def test_a_model_errs_by_no_more_than_its_bound(name, law):
         np.testing.assert_array_less(abs(np.diagonal(exact)) * (1 - 1e-5), found.size[k])
 
 
+def test_a_body_without_a_mode_in_the_band():
+    K, M, F, R, _ = BODIES["square beam"]
+    Z = DynamicStiffness(K, M, loss=sp.csc_array(0.01 * K))
+    grid = 2 * np.pi * np.linspace(1, 100, 30)
+    found = adaptive_flexibility(Z, np.hstack([F, 0 * F[:, :1]]), grid, rigid=R)(grid[-1:])
+    np.testing.assert_allclose(found.Y[0, :-1, :-1], solved(Z, F, grid[-1])[1], rtol=1e-6)
+    assert not found.Y[0, -1].any()
+
+
 @pytest.mark.parametrize("law", ["0.1 %", "stiffness"])
 @pytest.mark.parametrize(
     ("thickness", "face_loads"),

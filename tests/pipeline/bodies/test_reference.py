@@ -8,7 +8,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import body_points, body_ports, frequency_response, modal_substructure
+from cmsreduce.assemble import body_points, body_ports, frequency_response, modal_substructure, physical_substructure
 from cmsreduce.model import Damping, Point, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import MacNealRubin
@@ -73,3 +73,32 @@ def test_bodies_that_are_too_many_together_have_no_modes_to_spare(bar) -> None:
     assert references.all_modes_fit([(structural, rigid)] * (2 * some))
     assert references.in_free_modes(bar, rigid, fits=False) and not references.in_free_modes(bar, rigid)
     assert not references.in_free_modes(structural, rigid, fits=False)
+
+
+def test_wide_interfaces_take_all_modes_where_damping_is_diagonal_in_them() -> None:
+    """A bar in its dofs and in its modes has one response: 45 of its 135 dofs are at interfaces."""
+    narrow = replace(block("bar", [0.8, 0.2, 0.2], [14, 2, 2]), damping=Damping(structural=0.02))
+    face = [*range(1, 10), *range(37, 43)]
+    wide = replace(block("bar", [0.8, 0.2, 0.2], [4, 2, 2], {"face": face}), damping=Damping(structural=0.02))
+    dashpots = replace(wide, D=wide.K * 1e-6, damping=Damping())
+    scene = replace(
+        SCENE,
+        ground=(Point("bar", "face"),),
+        actuators=(at("bar.20", "y"),),
+        sensors=(at("bar.25", "y"), at("bar.22", "z")),
+    )
+    ports, rigid = body_ports(wide, scene), rigid_modes(wide)
+    few = body_ports(narrow, replace(scene, ground=()))
+    asked = {"wide": (wide, ports, rigid), "narrow": (narrow, few, rigid), "dashpots": (dashpots, ports, rigid)}
+    assert references.wide_in_modes(asked) == {"wide"}
+    too_many = {str(k): (wide, ports, rigid) for k in range(1 + references.SYSTEM_LIMIT // wide.n)}
+    assert not references.wide_in_modes(too_many)
+    found = references.reference(wide, ports, rigid, CUTOFF_HZ, wide=True)
+    assert found.label == "all modes"
+    omega = 2 * np.pi * np.linspace(50, BAND_HZ, 200)
+    points = body_points(scene, wide)
+    in_modes, in_dofs = (
+        frequency_response({"bar": sub}, scene, scene.configurations[0], omega)
+        for sub in (modal_substructure(found.modes, points), physical_substructure(wide, points, rigid))
+    )
+    np.testing.assert_allclose(in_modes, in_dofs, rtol=1e-7, atol=1e-9 * abs(in_dofs).max())
