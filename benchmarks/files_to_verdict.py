@@ -142,10 +142,13 @@ def measured(dofs: float) -> str:
         alone, alone_busy = reductions(bodies)
         times = [each["seconds"] for each in summary["components"].values()]
         stages = {key: sum(each[key] for each in times) for key in ("read", "reduce")}
+        done = finished.work.stages.factorised
+        factors = sum(each.seconds for name in ("inner", "outer") for each in done[name]["read"])
     rest = whole - sum(stages.values())
     error = summary["worst"]["frf_error"]
     return (
         f"| {3 * np.prod(np.add(cells, 1)):,} | {whole:.1f} ({whole_busy:.1f}) | {stages['read']:.1f} | "
+        f"{100 * stages['read'] / whole:.0f} %, {100 * (stages['read'] - factors) / whole:.0f} % | "
         f"{stages['reduce']:.1f} | {rest:.1f} | {alone:.1f} ({alone_busy:.1f}) | {whole / alone:.1f} "
         f"({whole_busy / alone_busy:.1f}) | {peak:.2f} | {100 * error:.3g} % |"
     )
@@ -177,7 +180,8 @@ def main() -> None:
         one(*map(float, sys.argv[2:]))
         return
     sizes = [float(each) for each in sys.argv[1:]] or [1e4, 1e5]
-    columns = ["dofs of a body", "run, s (of processors)", "read, prove, factorise", "reduce"]
+    columns = ["dofs of a body", "run, s (of processors)", "read, prove, factorise"]
+    columns += ["share of the run, without factors", "reduce"]
     columns += ["reference, responses, files", "reductions alone", "run / reductions", "peak memory, GiB", "frf_error"]
     print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}")
     # The first run loads libraries and compiles.

@@ -44,8 +44,9 @@ BACKENDS: tuple[Backend, ...] = ("pardiso", "multifrontal", "cholmod", "superlu"
 _FACTOR_SHARE = 0.9
 # Share of the factor's memory that one basis may take: several exist at a time, beside the block of new columns.
 _BASIS_SHARE = 0.1
-# Orders in memory: enough for a few components and the parts of one.
-_ORDERS = 8
+# Bytes of the orders in memory: a body has five, of itself and of its parts, and all bodies are read before one is
+# reduced. 60 bodies of 1e5 dofs, or 20 of 3e5, have that much.
+_ORDERS = 2**28
 # Share of the factor's memory that factors of earlier steps may take together.
 _KEPT_SHARE = 1 / 16
 # With fewer rows a second thread costs more than it saves.
@@ -75,7 +76,7 @@ class KnownOrders:
     def store(self, starts: NDArray[Any], indices: NDArray[Any], order: NDArray[Any]) -> None:
         """Store the order (n,) of a pattern, and drop the oldest orders."""
         self._orders[_fingerprint(starts, indices)] = order
-        while len(self._orders) > _ORDERS:
+        while len(self._orders) > 1 and sum(each.nbytes for each in self._orders.values()) > _ORDERS:
             del self._orders[next(iter(self._orders))]
 
 

@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import scipy.sparse as sp
 
+from cmsreduce.linalg.machine import settings
 from cmsreduce.linalg.machine.settings import KnownOrders
 from cmsreduce.linalg.sparse.lower_triangle import lower_pattern, nonzero_pattern
 from tests.multifrontal.matrices import shuffled, sparse_definite
@@ -18,10 +19,17 @@ def test_an_order_is_found_by_its_pattern_alone():
     np.testing.assert_array_equal(known.find(A.indptr.copy(), A.indices.copy()), np.arange(A.shape[0]))
     assert known.find(other.indptr, other.indices) is None
     assert pickle.loads(pickle.dumps(known)).find(A.indptr, A.indices) is None
-    for n in range(40, 48):
+
+
+def test_the_oldest_orders_are_dropped_beyond_a_size(monkeypatch):
+    sizes, known = range(40, 48), KnownOrders()
+    monkeypatch.setattr(settings, "_ORDERS", sum(np.arange(n).nbytes for n in sizes[1:]))
+    for n in sizes:
         known.store(np.arange(n + 1), np.arange(n), np.arange(n))
-    assert known.find(A.indptr, A.indices) is None
-    assert known.find(np.arange(48), np.arange(47)) is not None
+    assert [n for n in sizes if known.find(np.arange(n + 1), np.arange(n)) is not None] == [*sizes[1:]]
+    monkeypatch.setattr(settings, "_ORDERS", 1)
+    known.store(np.arange(31), np.arange(30), np.arange(30))
+    assert known.find(np.arange(31), np.arange(30)) is not None
 
 
 def test_a_pattern_leaves_out_all_zeros_except_on_the_diagonal():
