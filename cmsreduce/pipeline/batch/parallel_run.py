@@ -75,8 +75,9 @@ class ParallelRun(Run):
         names.sort(key=lambda name: file_size(self.pipeline, name), reverse=True)
         if len(names) > 1:
             self.stages.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
-            for _ in self._outcomes(_finish_body, [(name,) for name in names]):
-                pass
+            for (name,), _ in self._outcomes(_finish_body, [(name,) for name in names]):
+                # Read while the others are at work.
+                self._proven(name)
 
     def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
         """Errors and curves in every configuration; each process measures some of them."""
