@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.held_bodies import held_bodies
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.response.joint_chains import joint_chain
 from cmsreduce.assemble.response.receptance import DAMPED_RIGID, Receptance, add_between, frequencies_last, receptance
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
@@ -81,23 +82,28 @@ def couple(
     configurations whose blocks would hold few frequencies.
 
     Bodies in modes with many joint forces are represented by their modes near the band instead, see
-    `residual_flexibility`.
+    `residual_flexibility`; the joint forces of long chains are those of a band, see `joint_chain`.
     """
+    columns = {name: stack.body_columns(name).start + stack.moving(name) for name in receptances}
     joined = [JoinedRows.of(wiring, stack) for wiring in wirings]
     found = [np.empty(0, dtype=np.complex128)] * len(joined)
     rest: list[int] = []
     for k, (each, grid) in enumerate(zip(joined, grids, strict=True)):
         smooth = residual_flexibility(stack, each, grid)
-        if smooth is None:
-            rest.append(k)
-            continue
-        try:
-            found[k] = smooth(grid)
-        except np.linalg.LinAlgError:
-            # A free motion at zero frequency, or a resonance without damping: receptances name the body.
+        if smooth is not None:
+            try:
+                found[k] = smooth(grid)
+                continue
+            except np.linalg.LinAlgError:
+                # A free motion at zero frequency, or a resonance without damping: receptances name the body.
+                pass
+        chain = joint_chain(each, columns)
+        if chain is not None:
+            found[k] = chain.response(receptances, grid)
+        else:
             rest.append(k)
     for some in _together(rest, joined, grids):
-        solved = _from_receptances(receptances, stack, [joined[k] for k in some], [grids[k] for k in some])
+        solved = _from_receptances(receptances, columns, [joined[k] for k in some], [grids[k] for k in some])
         for k, H in zip(some, solved, strict=True):
             found[k] = H
     return found
@@ -111,7 +117,10 @@ def _together(numbers: Sequence[int], joined: Sequence[JoinedRows], grids: Seque
 
 
 def _from_receptances(
-    receptances: Mapping[str, Receptance], stack: PointStack, joined: Sequence[JoinedRows], grids: Sequence[Array]
+    receptances: Mapping[str, Receptance],
+    columns: Mapping[str, NDArray[np.int64]],
+    joined: Sequence[JoinedRows],
+    grids: Sequence[Array],
 ) -> list[Complex]:
     """Responses (f_k, outputs, inputs) of several configurations, by the forces in their joints."""
     every = np.unique(np.concatenate([np.empty(0), *grids]))
@@ -120,7 +129,6 @@ def _from_receptances(
         np.empty((grid.size, each.outputs, each.shape[1] - each.c), dtype=np.complex128)
         for each, grid in zip(joined, grids, strict=True)
     ]
-    columns = {name: stack.body_columns(name).start + stack.moving(name) for name in receptances}
     entries = sum(place.size**2 for place in columns.values())
     entries += 3 * sum(each.shape[0] * each.shape[1] for each in joined)
     for part in frequency_blocks(every.size, 16 * entries, _BLOCK_BYTES * min(len(joined), _OF_SEVERAL)):
