@@ -34,6 +34,8 @@ that lumping may change."""
 _OTHERS = (*UNCOUNTED, "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1")
 # Of the size of an element: corners printed with five digits.
 _EVEN = 1e-4
+# Of the size of an element: what the edges of a parallelepiped differ by. The error of two points is its square.
+_PARALLEL = 1e-6
 # Of a CONM1: masses printed with seven digits.
 _ONE_MASS = 1e-6
 _AT_POINT = -1  # frame of a CONM2 whose offset is a place in basic
@@ -297,6 +299,7 @@ def solid_volumes(corners: Array, points: int = 3) -> tuple[Array, Array, Array]
     Two Gauss points each way integrate the volume and the centre of a trilinear map exactly, and the second moment of
     a parallelepiped; three are exact for a tetrahedron and a wedge.
     """
+    points = min(points, 2) if _are_parallelepipeds(corners) else points
     # Axes first, elements last: every step is one pass over long rows.
     x = np.ascontiguousarray(corners[:, list(_CORNERS[corners.shape[1]])].transpose(2, 1, 0))
     at, (places, weights) = np.array(_HEXAHEDRON, dtype=np.float64), np.polynomial.legendre.leggauss(points)
@@ -317,3 +320,13 @@ def solid_volumes(corners: Array, points: int = 3) -> tuple[Array, Array, Array]
     sign = np.where(volume < 0, -1.0, 1.0)
     safe = np.where(volume == 0, 1.0, volume)
     return abs(volume), (moment / safe).T, (second * sign).transpose(2, 0, 1)
+
+
+def _are_parallelepipeds(corners: Array) -> bool:
+    """True if the edges (e, 8, 3) of all hexahedra come in four equal ones each way."""
+    if corners.shape[1] != len(_HEXAHEDRON):
+        return False
+    x = corners.transpose(1, 2, 0)
+    along, across, size = x[1] - x[0], x[3] - x[0], abs(x[6] - x[0]).max(axis=0)
+    others = ((x[2] - x[3], along), (x[5] - x[4], along), (x[6] - x[7], along), (x[7] - x[4], across))
+    return all(bool((abs(one - other) <= _PARALLEL * size).all()) for one, other in others)

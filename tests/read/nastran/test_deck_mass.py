@@ -9,6 +9,7 @@ import pytest
 
 from cmsreduce.model import Nodes
 from cmsreduce.read import deck_mass
+from cmsreduce.read.nastran.deck_mass import solid_volumes
 
 # A bent line, and the corners of a block of 2 x 1 x 3 with a corner aside.
 BLOCK = [[x, y, z] for z in (0.0, 3.0) for x, y in ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))]
@@ -92,3 +93,21 @@ def test_a_file_that_is_no_deck_states_none(tmp_path: Path) -> None:
     path.write_bytes(bytes(range(256)))
     assert deck_mass(path, NODES) is None
     assert deck_mass(tmp_path / "none.bdf", NODES) is None
+
+
+@pytest.mark.parametrize(("lift", "points"), [(0.0, 2), (1e-8, 2), (0.2, 3)])
+def test_the_inertia_of_a_parallelepiped_takes_two_points(monkeypatch, lift: float, points: int) -> None:
+    """Sheared block: int x x dV = V (c c + E E / 12), E its edges as columns; with a lifted corner, four points."""
+    corners = np.array(BLOCK) @ np.array([[1.0, 0.2, 0.1], [0.3, 1.0, 0.0], [0.4, -0.2, 1.0]]).T
+    corners[6, 2] += lift
+    taken, rule = [], np.polynomial.legendre.leggauss
+    monkeypatch.setattr(np.polynomial.legendre, "leggauss", lambda number: taken.append(number) or rule(number))
+    volume, centre, second = (part[0] for part in solid_volumes(corners[None]))
+    assert taken == [points]
+    edges = (corners[[1, 3, 4]] - corners[0]).T
+    expected = abs(np.linalg.det(edges)) * (np.outer(centre, centre) + edges @ edges.T / 12)
+    if points == 3:
+        assert abs(second - expected).max() > 1e-3 * abs(expected).max()
+        finer, _, expected = (part[0] for part in solid_volumes(corners[None], points=4))
+        assert volume == pytest.approx(finer, rel=1e-14)
+    np.testing.assert_allclose(second, expected, rtol=0, atol=max(lift if points == 2 else 0.0, 1e-14) * 100)
