@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import symmetric_product
 from cmsreduce.model import FEModel, Finding, cross_matrix, rigid_body_shapes
 
 __all__ = ["exchanges_hidden", "lumps", "mass_order_by_deck", "moments_toward_neighbours"]
@@ -55,9 +57,9 @@ def _momentum(body: FEModel) -> tuple[NDArray[np.int64], Array]:
     R = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
     rows = np.flatnonzero((body.dofs.component > 0) & (body.dofs.component <= 3))
     ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
-    P = np.zeros((ids.size, 3, 3))
-    np.add.at(P, of, R[rows, :, None] * np.asarray(body.M @ R)[rows, None, :])
-    return ids, P
+    of_node = sp.csr_array((np.ones(rows.size), (of, np.arange(rows.size))))
+    P = of_node @ (R[rows, :, None] * symmetric_product(body.M)(R)[rows, None, :]).reshape(-1, 9)
+    return ids, np.asarray(P).reshape(-1, 3, 3)
 
 
 def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding | None:
