@@ -24,7 +24,7 @@ _NEARLY = 1e-8
 _PARTS = 12
 
 
-def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
+def negative_directions(A: sp.csc_array, rounding: float, kind: Indices | None = None) -> int | None:
     """Count the motions whose energy is negative by more than rounding.
 
     Parameters
@@ -33,6 +33,8 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
         Stiffness or mass, symmetric.
     rounding : float
         Relative error of the matrix.
+    kind : (n,) int64, optional
+        Kinds of rows, such as directions: where none are coupled with others, each is a part of its own.
 
     Returns
     -------
@@ -47,7 +49,7 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     unit = sp.csc_array((data, A.indices, A.indptr), shape=A.shape)
     raised = sp.csc_array(unit + max(CONDENSATION, PRINTED * rounding) * sp.eye_array(A.shape[0], format="csc"))
     order, count = share_order(raised, borrowed=True), 0
-    for rows, copies in _different_parts(raised):
+    for rows, copies in _different_parts(raised, kind):
         inner = raised if rows.size == A.shape[0] else part(raised, rows, order)
         factor = factorise(inner, definite=False, what="the scaled matrix", solves=False, whole=A.shape[0])
         if not factor.inertia_known:
@@ -56,18 +58,24 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     return count
 
 
-def _different_parts(A: sp.csc_array) -> list[tuple[Indices, int]]:
+def _different_parts(A: sp.csc_array, kind: Indices | None) -> list[tuple[Indices, int]]:
     """Rows of the unconnected parts of a symmetric matrix, of equal ones once with their number; all rows if many.
 
     The consistent mass of a solid has three equal parts: x, y and z.
     """
-    count, label = csgraph.connected_components(A.T, directed=True, connection="strong")
+    label = None if kind is None else np.unique(kind, return_inverse=True)[1]
+    if label is None or not label.any() or (label[A.indices] != np.repeat(label, np.diff(A.indptr))).any():
+        label = csgraph.connected_components(A.T, directed=True, connection="strong")[1]
+    count = int(label.max(initial=0)) + 1
     if not 1 < count <= _PARTS:
         return [(np.arange(A.shape[0]), 1)]
     found: list[tuple[Indices, sp.csc_array, int]] = []
+    place = np.empty(A.shape[0], dtype=A.indices.dtype)
     for number in range(count):
         rows = np.flatnonzero(label == number)
-        inner = sp.csc_array(A[:, rows][rows])
+        place[rows] = np.arange(rows.size)
+        columns = sp.csc_array(A[:, rows])
+        inner = sp.csc_array((columns.data, place[columns.indices], columns.indptr), shape=(rows.size, rows.size))
         same = next((k for k, (_, known, _) in enumerate(found) if _equal(known, inner)), None)
         if same is None:
             found.append((rows, inner, 1))

@@ -164,7 +164,14 @@ def test_equal_parts_of_a_mass_are_counted_each(changed: tuple[int, ...], count:
     one = sp.csc_array(sp.diags_array([1.0, 4.0, 1.0], offsets=[-1, 0, 1], shape=(30, 30)))
     wrong = one + sp.csc_array(([-5.0], ([7], [7])), shape=one.shape)
     parts = [wrong if k in changed else one for k in range(3)]
-    assert negative_directions(sp.csc_array(sp.block_diag(parts)), 2.0**-53) == count
+    M = sp.csc_array(sp.block_diag(parts))
+    assert negative_directions(M, 2.0**-53) == count
+    # The parts follow from the kinds of rows where no kind is coupled with another; one kind may have several parts.
+    for kind in (np.repeat([1, 2, 3], 30), np.repeat([1, 2, 1], 30), np.arange(90) % 3, np.zeros(90, dtype=int)):
+        assert negative_directions(M, 2.0**-53, kind) == count
+    shuffled = np.random.default_rng(3).permutation(90)
+    apart = sp.csc_array(M[shuffled][:, shuffled])
+    assert negative_directions(apart, 2.0**-53, np.repeat([1, 2, 3], 30)[shuffled]) == count
 
 
 # Against another program.

@@ -86,7 +86,7 @@ def definite(body: FEModel, proven: Array | None) -> dict[str, int | None]:
     stiffness = 0 if proven is not None else negative_directions(body.K, body.stiffness_rounding)
     smallest = lumps(body)
     if smallest is None:
-        return {"stiffness": stiffness, "mass": negative_directions(body.M, body.rounding)}
+        return {"stiffness": stiffness, "mass": negative_directions(body.M, body.rounding, body.dofs.component)}
     limit = -max(_DEFINITE, _DIGITS * body.rounding)
     return {"stiffness": stiffness, "mass": int((smallest < limit).sum())}
 
