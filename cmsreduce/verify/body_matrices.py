@@ -63,9 +63,9 @@ def _different_parts(A: sp.csc_array, kind: Indices | None) -> list[tuple[Indice
 
     The consistent mass of a solid has three equal parts: x, y and z.
     """
-    label = None if kind is None else np.unique(kind, return_inverse=True)[1]
-    if label is None or not label.any() or (label[A.indices] != np.repeat(label, np.diff(A.indptr))).any():
-        label = csgraph.connected_components(A.T, directed=True, connection="strong")[1]
+    label = np.zeros(A.shape[0], dtype=np.int64) if kind is None else np.unique(kind, return_inverse=True)[1]
+    if not label.any() or (label[A.indices] != np.repeat(label, np.diff(A.indptr))).any():
+        label = np.asarray(csgraph.connected_components(A.T, directed=True, connection="strong")[1], dtype=np.int64)
     count = int(label.max(initial=0)) + 1
     if not 1 < count <= _PARTS:
         return [(np.arange(A.shape[0]), 1)]
