@@ -10,6 +10,7 @@ from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effec
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
+from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
 from cmsreduce.pipeline.bodies.proven_bodies import ProvenBody, needs_files, proven_body
 from cmsreduce.pipeline.bodies.reference import (
     ALL_MODES_LIMIT,
@@ -46,7 +47,9 @@ __all__ = [
     "effective_masses",
     "in_free_modes",
     "in_scene",
+    "material_of",
     "needs_files",
+    "plausible_units",
     "probing_loads",
     "proven_body",
     "read_flexible",

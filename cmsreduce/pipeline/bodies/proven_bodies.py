@@ -22,6 +22,7 @@ from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.deck_agreement import statement_of
 from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
+from cmsreduce.pipeline.bodies.plausible_units import implausible_units
 from cmsreduce.read import RowOrderProof, files_read, prove_mass_order, prove_row_order, sha256_of, texts_kept
 from cmsreduce.verify import rigid_motions_proof
 
@@ -154,6 +155,8 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     negative = definite(body, proven)
     proved = prove_body(as_read, converted, stated, proof, order, negative)
     notes = [*changed, *_mechanisms(body, rigid)]
+    if doubtful := implausible_units(as_read, part.units_in(scene.units)):
+        notes.append(f"{name}: {doubtful}")
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     notes += [note for note in (unused, determined.note) if note]

@@ -18,11 +18,10 @@ from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.sparse import factorise
 from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
-from cmsreduce.pipeline.bodies import REDUCED_FILES, reduced_body
+from cmsreduce.pipeline.bodies import REDUCED_FILES, material_of, plausible_units, reduced_body
 from cmsreduce.pipeline.drafts.body_files import bodies_of_files, body_names, deck_beside
 from cmsreduce.pipeline.drafts.coincident_nodes import meetings
 from cmsreduce.pipeline.drafts.mounts import cells_of, joined, mounted, translations_of
-from cmsreduce.pipeline.drafts.plausible_units import material_of, plausible_units
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import (
     MatrixSource,

@@ -61,6 +61,13 @@ def test_damping_laws(opened: Callable[..., Run], damping: str, ratio: Callable[
     assert errors(run)["frf_error"] < 0.03 and errors(run)["frequency_error"] < 1e-3
 
 
+def test_units_in_which_no_material_has_such_waves_are_noted(opened: Callable[..., Run]) -> None:
+    """The files are in m and s: seconds read as milliseconds make waves a thousand times as fast."""
+    (note,) = (note for note in opened("components.arm.units=m-kg-ms").flexible("arm").notes if "units" in note)
+    assert note.startswith("arm: in m-kg-ms the matrices have waves of ") and "as no material has; in m-kg-s" in note
+    assert not any("units" in note for note in opened().flexible("arm").notes)
+
+
 def test_a_body_said_to_be_held_that_floats_is_refused(opened: Callable[..., Run]) -> None:
     with pytest.raises(DofMapError, match="`grounded: true` says that the ground holds the body, but"):
         _ = opened("components.arm.grounded=true").bodies

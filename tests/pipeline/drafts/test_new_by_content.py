@@ -18,8 +18,8 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import DofMapError, MatrixError, ReadError
 from cmsreduce.model import DofTable, FEModel, Nodes, Units, in_units
+from cmsreduce.pipeline.bodies.plausible_units import Material, material_of, plausible_units
 from cmsreduce.pipeline.drafts import draft_body, draft_pipeline
-from cmsreduce.pipeline.drafts.plausible_units import Material, material_of, plausible_units
 from cmsreduce.pipeline.drafts.proposed_interfaces import proposed_interfaces
 from tests.pipeline.study import arm, panel, system_frequencies, write_body
 from tests.solids import block, face

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
 from cmsreduce.read import quiet_share
 
-__all__ = ["Material", "material_of", "plausible_units"]
+__all__ = ["Material", "implausible_units", "material_of", "plausible_units"]
 
 # Unit systems in use, the most frequent first.
 _SYSTEMS = ("m-kg-s", "mm-t-s", "in-slinch-s", "mm-kg-ms", "mm-g-ms", "mm-kg-s", "cm-g-s", "ft-slug-s", "m-t-s")
@@ -120,6 +120,22 @@ def plausible_units(material: Material) -> tuple[Units | None, str]:
         "coordinates are in units that do not belong together"
     )
     return None, reason
+
+
+def implausible_units(body: FEModel, declared: Units) -> str:
+    """Remark on declared units in which the waves in a free body are faster than in any material; empty if not.
+
+    The matrices show the speed without the elements, whose file need not be read for it.
+    """
+    material = material_of(body, {})
+    if material is None or material.in_si(declared)[0] <= _STRAINED * _FASTEST:
+        return ""
+    names = [name for name in _SYSTEMS if _usual(material, Units.parse(name), 1.0)]
+    other = f"; in {names[0]} they have {material.in_words(Units.parse(names[0]))}" if names else ""
+    return (
+        f"in {declared.name} the matrices have {material.in_words(declared)}, as no material has{other}: "
+        "check the `units:` of the body"
+    )
 
 
 def _usual(material: Material, units: Units, margin: float) -> bool:
