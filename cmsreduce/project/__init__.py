@@ -4,6 +4,7 @@ Projection, extraneous modes, shapes made for the scene's responses and the shar
 here. The joined system itself belongs in `assemble`.
 """
 
+from cmsreduce.project.body_modes import BodyModes
 from cmsreduce.project.closed_loop_shares import closed_loop_shares
 from cmsreduce.project.extraneous import extraneous_count, extraneous_modes, returned
 from cmsreduce.project.projection import Projection, keep_combinations, project_shapes
@@ -13,7 +14,7 @@ from cmsreduce.project.response_certificate import (
     response_certificates,
     richer_shapes,
 )
-from cmsreduce.project.scene_responses import BodyModes, ResponseSample, SceneResponses, Shapes
+from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes
 from cmsreduce.project.scene_shapes import ResponseLimits, SceneFit, energy_shapes, fit_shapes, objective
 from cmsreduce.project.shape_search import Judged, Settled, ShapeSearch
 from cmsreduce.project.system_cost import Shares, SystemCost, largest_shares, system_cost

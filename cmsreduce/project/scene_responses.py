@@ -2,108 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BodyModes", "JoinedShapes", "ResponseSample", "SceneResponses", "Shapes"]
+from cmsreduce.project.body_modes import BodyModes, ShapeFlexibility
+
+__all__ = ["JoinedShapes", "ResponseSample", "SceneResponses", "Shapes"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Shapes = Mapping[str, Array]
 """Shapes of each body (n, k): combinations of its free modes, of full rank."""
-
-# A sum over complex modes is checked at about so many frequencies, and holds where it inverts the stiffness this well:
-# rounding times the condition of a sharp resonance.
-_CHECKED, _INVERTED = 12, 1e-8
-
-
-@dataclass(frozen=True, eq=False)
-class BodyModes:
-    """A body in its free modes: Z(w) = K (1 + i loss) + i w D - w^2, with K = diag(omega^2) and a mass of one.
-
-    Parameters
-    ----------
-    omega : (n,) float64
-        Elastic frequencies in rad/s.
-    D : (n,) or (n, n) float64
-        Viscous damping: its diagonal, or a symmetric matrix.
-    loss : float
-        Loss factor of structural damping.
-    """
-
-    omega: Array
-    D: Array
-    loss: float = 0.0
-
-    @property
-    def count(self) -> int:
-        """Number of elastic modes, n."""
-        return self.omega.size
-
-    def damped(self, X: Array | Complex) -> Array | Complex:
-        """D X."""
-        return self.D[:, None] * X if self.D.ndim == 1 else self.D @ X
-
-    def dynamic_stiffness(self, V: Array, omega: Array) -> Complex:
-        """V^T Z V at frequencies (f, k, k)."""
-        weighted, w = self.omega[:, None] * V, omega[:, None, None]
-        return np.asarray(
-            (1 + 1j * self.loss) * (weighted.T @ weighted) + 1j * w * (V.T @ self.damped(V)) - w**2 * (V.T @ V)
-        )
-
-    def flexibility(self, V: Array, omega: Array) -> Complex:
-        """(V^T Z V)^-1 at frequencies (f, k, k), as a sum over the complex modes of the shapes.
-
-        Notes
-        -----
-        The modes of s^2 M + s D + K in the shapes come from one eigenproblem of twice their number; then all
-        frequencies are one product. Where modes coincide without being independent, each frequency is inverted.
-        """
-        weighted, k = self.omega[:, None] * V, V.shape[1]
-        M, D, K = V.T @ V, V.T @ self.damped(V), (1 + 1j * self.loss) * (weighted.T @ weighted)
-        X = np.linalg.inv(M)
-        first = np.block([[np.zeros((k, k)), np.eye(k)], [-X @ K, -X @ D]])
-        s, shapes = np.linalg.eig(first)
-        try:
-            loads = np.linalg.solve(shapes, np.vstack([np.zeros((k, k)), X]).astype(np.complex128))
-        except np.linalg.LinAlgError:
-            return np.asarray(np.linalg.inv(self.dynamic_stiffness(V, omega)))
-        weights = 1 / (1j * omega[:, None] - s)
-        Y = (weights @ (shapes[:k].T[:, :, None] * loads[:, None, :]).reshape(2 * k, -1)).reshape(-1, k, k)
-        check = self.dynamic_stiffness(V, omega[:: max(1, omega.size // _CHECKED)])
-        off = check @ Y[:: max(1, omega.size // _CHECKED)] - np.eye(k)
-        if abs(off).max(initial=0.0) < _INVERTED:
-            return np.asarray(Y)
-        return np.asarray(np.linalg.inv(self.dynamic_stiffness(V, omega)))
-
-    def modal_stiffness(self, omega: Array) -> Complex:
-        """Diagonal of Z at frequencies (f, n)."""
-        viscous = self.D if self.D.ndim == 1 else self.D.diagonal()
-        w = omega[:, None]
-        return np.asarray(self.omega**2 * (1 + 1j * self.loss) + 1j * w * viscous - w**2)
-
-    def solve(self, omega: float, F: Complex) -> Complex:
-        """Z^-1 F at one frequency, for loads (n, p)."""
-        if self.D.ndim == 1:
-            return np.asarray(F / self.modal_stiffness(np.array([omega])).T)
-        diagonal = self.omega**2 * (1 + 1j * self.loss) - omega**2
-        return np.asarray(np.linalg.solve(np.diag(diagonal) + 1j * omega * self.D, F))
-
-    def dual_norms(self, omega: Array, F: Complex) -> Array:
-        """F^H (w D)^-1 F of loads (f, n, p), with the loss factor times K in place of w D; infinite without damping."""
-        if not self.loss and self.D.ndim == 2:
-            solved = np.linalg.solve(self.D, F)
-            return np.asarray(np.sum((F.conj() * solved).real, axis=1) / omega[:, None])
-        viscous = self.D if self.D.ndim == 1 else self.D.diagonal()
-        drag = (self.loss * self.omega**2 + omega[:, None] * viscous)[:, :, None]
-        squares = abs(F) ** 2
-        return np.asarray(
-            np.sum(np.divide(squares, drag, out=np.where(squares > 0, np.inf, 0.0), where=drag > 0), axis=1)
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +55,12 @@ class ResponseSample:
     row: Array
     column: Array
     heard: NDArray[np.bool_]
+
+    @cached_property
+    def touched(self) -> dict[str, tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Rows on the left and on the right that are not zero on a body."""
+        sides = {name: (self.left[name], self.right[name]) for name in self.left}
+        return {name: (np.flatnonzero(L.any(axis=1)), np.flatnonzero(R.any(axis=1))) for name, (L, R) in sides.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,11 +116,17 @@ class SceneResponses:
         LinAlgError
             If the joints are not independent in the motions that the shapes leave.
         """
+        return [_joined(*each) for each in self._in_shapes(shapes)]
+
+    def responses(self, shapes: Shapes) -> list[Complex]:
+        """The responses alone (f, outputs, inputs), in every configuration; errors as those of `joined`."""
+        return [_response(sample, _coupled(sample, parts)) for sample, parts in self._in_shapes(shapes)]
+
+    def _in_shapes(self, shapes: Shapes) -> Iterator[tuple[ResponseSample, list[_Part]]]:
+        """Every configuration with the bodies in their shapes."""
         flexibility = {name: body.flexibility(shapes[name], self._omega) for name, body in self.bodies.items()}
-        return [
-            _joined(sample, shapes, {name: Y[part] for name, Y in flexibility.items()})
-            for sample, part in zip(self.samples, self._parts, strict=True)
-        ]
+        for sample, some in zip(self.samples, self._parts, strict=True):
+            yield sample, [_part(sample, name, shapes[name], Y.at(some)) for name, Y in flexibility.items()]
 
     def gradient(self, shapes: Shapes, joined: Sequence[JoinedShapes], slopes: Sequence[Complex]) -> dict[str, Array]:
         """Derivative of a real function of the responses with respect to the shapes of each body (n, k).
@@ -231,8 +157,9 @@ class SceneResponses:
                 to_inputs, to_outputs = x @ slope.conj().transpose(0, 2, 1), z @ slope.conj()
                 total += sample.left[name].T @ _summed(each.observers, to_inputs).real
                 total += sample.right[name].T @ _summed(each.loads, to_outputs).real
-                for power in range(3):
-                    moments[power] += _summed(to_outputs * (sample.omega**power)[:, None, None], x)
+                powers = sample.omega[:, None] ** np.arange(3)
+                weighted = (powers[:, :, None, None] * to_outputs[:, None]).reshape(len(powers), -1, x.shape[2])
+                moments += _summed(weighted, x).reshape(moments.shape)
             of_K, of_D, of_M = ((part + part.T) for part in moments)
             strain = body.omega[:, None] ** 2 * V
             total -= strain @ ((1 + 1j * body.loss) * of_K).real + np.asarray(body.damped(V)).real @ (1j * of_D).real
@@ -286,11 +213,42 @@ def _forces(sample: ResponseSample, G: Complex) -> tuple[Complex, Complex, Compl
     return loads, observers @ seen, np.asarray(sample.measure @ both)
 
 
-def _joined(sample: ResponseSample, shapes: Shapes, flexibility: Mapping[str, Complex]) -> JoinedShapes:
-    left = {name: sample.left[name] @ shapes[name] for name in flexibility}
-    right = {name: sample.right[name] @ shapes[name] for name in flexibility}
-    G = sample.rest + sum(left[name] @ Y @ right[name].T for name, Y in flexibility.items())
-    loads, observers, H = _forces(sample, G)
-    primal = {name: Y @ (right[name].T @ loads) for name, Y in flexibility.items()}
-    adjoint = {name: Y @ (left[name].T @ observers) for name, Y in flexibility.items()}
+def _response(sample: ResponseSample, G: Complex) -> Complex:
+    """The response alone, from the flexibility of all bodies between the rows (f, l, r)."""
+    c = sample.c
+    both = G[:, c:, c:]
+    if c:
+        both = both - G[:, c:, :c] @ np.linalg.solve(G[:, :c, :c], G[:, :c, c:])
+    return np.asarray(sample.measure @ both)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A body in its shapes in one configuration: its rows of all, their motions (l, k), (r, k), and its flexibility."""
+
+    name: str
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    left: Array
+    right: Array
+    Y: ShapeFlexibility
+
+
+def _part(sample: ResponseSample, name: str, V: Array, Y: ShapeFlexibility) -> _Part:
+    rows, columns = sample.touched[name]
+    return _Part(name, rows, columns, sample.left[name][rows] @ V, sample.right[name][columns] @ V, Y)
+
+
+def _coupled(sample: ResponseSample, parts: Sequence[_Part]) -> Complex:
+    """Flexibility of all bodies between the rows (f, l, r)."""
+    G = sample.rest.copy()
+    for part in parts:
+        G[:, part.rows[:, None], part.columns] += part.Y.between(part.left, part.right)
+    return G
+
+
+def _joined(sample: ResponseSample, parts: Sequence[_Part]) -> JoinedShapes:
+    loads, observers, H = _forces(sample, _coupled(sample, parts))
+    primal = {part.name: part.Y.amplitudes(part.right, loads[:, part.columns]) for part in parts}
+    adjoint = {part.name: part.Y.amplitudes(part.left, observers[:, part.rows]) for part in parts}
     return JoinedShapes(H, loads, observers, primal, adjoint)

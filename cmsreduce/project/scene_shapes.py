@@ -18,6 +18,7 @@ __all__ = [
     "energy_shapes",
     "fit_shapes",
     "misfit",
+    "misfit_of",
     "mode_shares",
     "objective",
 ]
@@ -142,6 +143,13 @@ def objective(
         return -np.inf, {name: np.zeros_like(V) for name, V in shapes.items()}
     gradient = scene.gradient(shapes, joined, [slope for _, slope in found])
     return float(np.log(total)), {name: part / total for name, part in gradient.items()}
+
+
+def misfit_of(scene: SceneResponses, shapes: Shapes, limits: Sequence[ResponseLimits]) -> float:
+    """Logarithm of the misfit of all configurations."""
+    found = zip(scene.samples, scene.responses(shapes), limits, strict=True)
+    total = sum(misfit(*each)[0] for each in found)
+    return float(np.log(total)) if total > 0 else -np.inf
 
 
 def energy_shapes(scene: SceneResponses, mix: float) -> dict[str, tuple[Array, Array]]:

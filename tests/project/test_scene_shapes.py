@@ -52,6 +52,7 @@ def test_the_response_is_that_of_the_whole_matrices(damping):
     scene = random_scene(rng, damping)
     (sample,), shapes = scene.samples, random_shapes(rng, scene)
     (found,) = scene.joined(shapes)
+    np.testing.assert_allclose(scene.responses(shapes)[0], found.H, rtol=1e-12)
     c = sample.c
     for k in (0, 20, 59):
         w = sample.omega[k]
@@ -169,11 +170,11 @@ def test_flexibilities_by_complex_modes_are_inverses(damping):
         body = scene.bodies[name]
         Z = body.dynamic_stiffness(V, omega)
         np.testing.assert_allclose(
-            Z @ body.flexibility(V, omega), np.broadcast_to(np.eye(V.shape[1]), Z.shape), atol=1e-9
+            Z @ body.flexibility(V, omega).matrices, np.broadcast_to(np.eye(V.shape[1]), Z.shape), atol=1e-9
         )
     # Critical damping: two modes coincide and are not independent, which no sum over modes represents.
     critical = BodyModes(np.array([1.0, 3.0]), np.array([2.0, 0.1]))
-    Y = critical.flexibility(np.eye(2), omega)
+    Y = critical.flexibility(np.eye(2), omega).matrices
     np.testing.assert_allclose(Y[:, 0, 0], 1 / (1 + 1j * omega) ** 2, rtol=1e-7)
 
 

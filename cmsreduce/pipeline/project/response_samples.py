@@ -157,14 +157,14 @@ class ScenePoints:
         """frf_error and db_error of the bodies in some shapes; infinite where the joints are not independent."""
         (sample,) = self.scene.samples
         try:
-            (found,) = self.scene.joined(shapes)
+            (H,) = self.scene.responses(shapes)
         except np.linalg.LinAlgError:
             return np.inf, np.inf
-        elastic = found.H - (sample.H - sample.elastic)
+        elastic = H - (sample.H - sample.elastic)
         at = self.decibel
         return (
             frf_error(sample.omega, sample.elastic, elastic, sample.row, sample.column),
-            db_error(sample.H[at], found.H[at], sample.row, sample.column),
+            db_error(sample.H[at], H[at], sample.row, sample.column),
         )
 
 
