@@ -17,7 +17,7 @@ from cmsreduce.project.scene_shapes import (
     decibel_misfit,
     fit_shapes,
     misfit,
-    objective,
+    misfit_of,
 )
 from cmsreduce.project.shape_starts import MIXES, SceneDirections
 
@@ -106,6 +106,8 @@ class ShapeSearch:
         Measures a set of shapes on finer grids, and by limits that the optimisation does not know.
     in_decibels : callable
         Gives the responses on grids that show the errors in decibels; None if these have no limit.
+    thorough : bool
+        Try other distributions, and decibels themselves, before a number of shapes is given up.
     """
 
     def __init__(
@@ -114,8 +116,11 @@ class ShapeSearch:
         limits: ResponseLimits,
         judge: Callable[[Shapes], Judged],
         in_decibels: Callable[[], SceneResponses | None] = lambda: None,
+        *,
+        thorough: bool = True,
     ) -> None:
         self.scene, self.limits, self.judge, self._in_decibels = scene, limits, judge, in_decibels
+        self._thorough = thorough
         self.directions = SceneDirections(scene)
         self.steps = 0
         self.factors = np.ones((2, len(scene.samples)))
@@ -174,7 +179,7 @@ class ShapeSearch:
 
     def extended(self, scene: SceneResponses) -> ShapeSearch:
         """A search with the weights of this one in further configurations."""
-        found = ShapeSearch(scene, self.limits, self.judge, self._in_decibels)
+        found = ShapeSearch(scene, self.limits, self.judge, self._in_decibels, thorough=self._thorough)
         found.factors[:, : self.factors.shape[1]] = self.factors
         return found
 
@@ -239,7 +244,7 @@ class ShapeSearch:
 
     def _misfit(self, shapes: Shapes) -> float:
         try:
-            return objective(self.scene, shapes, self._weighted)[0]
+            return misfit_of(self.scene, shapes, self._weighted)
         except np.linalg.LinAlgError:
             return np.inf
 
@@ -283,6 +288,9 @@ class ShapeSearch:
         if step > 1:
             tried = self.settled(self._less(best.shapes, best.count - step, {}, mended=False), _FEW_ROUNDS)
             return tried if tried.passes else None
+        if not self._thorough:
+            tried = self.settled(self._less(best.shapes, best.count - 1, {}, mended=True), _FEW_ROUNDS)
+            return tried if tried.passes else None
         names = list(best.counts)
         # One shape less, also with one more of another body for one of a third.
         moves = [(a, b) for a in names for b in names]
@@ -314,7 +322,7 @@ class ShapeSearch:
             if not names:
                 break
             tried: list[Shapes] = [{**shapes, name: fewer} for name in names for fewer in self._one_less(name, shapes)]
-            for kept, steps in _HEATS if mended else ():
+            for kept, steps in (_HEATS if self._thorough else _HEATS[:2]) if mended else ():
                 fits = [self._fitted(each, steps) for each in sorted(tried, key=self._misfit)[:kept]]
                 tried = [fit.shapes for fit in fits]
             shapes = min(tried, key=self._misfit)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from cmsreduce.model import CertificateRecord, Configuration, Finding, ModalComp
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
 from cmsreduce.pipeline.project.certified_responses import DirectSolve, certified
 from cmsreduce.pipeline.project.projected_bodies import Projected
+from cmsreduce.pipeline.project.range_errors import RangeErrors
 from cmsreduce.pipeline.project.response_samples import SampledScene
 from cmsreduce.pipeline.system import Comparison, ReducedModel
 from cmsreduce.project import (
@@ -33,20 +34,18 @@ _USUAL_ERROR = 0.01
 # Configurations that the optimisation starts with; the others are looked at like those between them.
 _FIRST = 12
 # Configurations between those of the scene that it starts with, if the whole range counts.
-_FIRST_BETWEEN = 6
+_FIRST_BETWEEN = 16
 # Configurations of the range looked at together, for each motion that articulates, and at most.
-_LOOKED_AT, _MOST_LOOKED_AT = 64, 128
-# So many configurations that no decision was made with must hold this share of the limits at the end: with 95 %
+_LOOKED_AT, _MOST_LOOKED_AT = 32, 64
+# So many configurations that no decision was made with must hold a share of the limits (`HELD`) at the end: with 95 %
 # confidence less than 0.6 % of the range exceeds the share, and much less breaks a limit.
-_PROOF, _HELD = 512, 0.96
-# Configurations added at a time, apart from each other by this share of the range, and rounds of additions.
-_ADDED, _APART, _ADDITIONS = 3, 0.05, 24
-# Neighbours of optimised configurations that are looked at, too, in shares of the range.
+_PROOF = 512
+# Rounds of additions of configurations.
+_ADDITIONS = 24
+# Neighbours of added configurations that are looked at, too, in shares of the range.
 _NEAR = 0.02
 # Share of every limit that is aimed at where the whole range counts: other configurations err a little more.
 _BETWEEN_AIM = 0.92
-# Configurations with the largest errors that are followed uphill, and the steps, in shares of the range.
-_CLIMBED, _CLIMB = 4, (0.04, 0.02, 0.01)
 # Rounds of the optimisation before another shape is added.
 _ROUNDS = 6
 # Added configurations that a note names; summary.json has them all.
@@ -102,7 +101,7 @@ class ResponseShapes:
         reference: Mapping[str, str],
         advance: Callable[[int, int], None],
     ) -> None:
-        self.keys, self.scene, self.comparison, self._advance = keys, scene, comparison, advance
+        self.keys, self.scene = keys, scene
         self._joined, self._measured, self._fewest = joined, measured, fewest
         self._direct, self._reference = direct, reference
         self._held, self._largest_held = 0, 0.0
@@ -111,16 +110,25 @@ class ResponseShapes:
         if frf is None and decibel is None:
             frf = _USUAL_ERROR
         self.limits = ResponseLimits(frf or np.inf, decibel or np.inf)
-        self._aim = _BETWEEN_AIM if keys.between and keys.responses == "auto" and not self._span.is_point else 1.0
+        self._errors = RangeErrors(self._span, comparison, self.limits, lambda: advance(self._held, _PROOF))
+        covers = keys.between and keys.responses == "auto" and not self._span.is_point
+        self._aim = _BETWEEN_AIM if covers else 1.0
         self.bodies = {name: self._candidates(name, source) for name in kept}
         self.sampled = SampledScene(source, self.bodies, comparison)
         every = scene.configurations
         self.chosen = [every[k] for k in sorted({*np.linspace(0, len(every) - 1, min(len(every), _FIRST)).astype(int)})]
         self._seen = 0
-        if keys.between and keys.responses == "auto":
+        if covers:
             self._seen = max(_FIRST - len(self.chosen), _FIRST_BETWEEN)
             self.chosen += self._span.points(self._seen)
-        self._search = ShapeSearch(self.sampled.responses(self.chosen), self.limits, self._judged, self._in_decibels)
+        self._search = ShapeSearch(
+            self.sampled.responses(self.chosen),
+            self.limits,
+            self._judged,
+            self._in_decibels,
+            # Other configurations need room: what takes longest gains least there.
+            thorough=not covers,
+        )
 
     def run(self) -> Projected:
         """Find the shapes, and the bodies in them.
@@ -237,18 +245,20 @@ class ResponseShapes:
         """
         span = self._span
         count = min(_LOOKED_AT * max(len(span.axes), 1), _MOST_LOOKED_AT)
-        seen, additions, self._held = self._seen, 0, 0
+        seen, additions, first, self._held = self._seen, 0, len(self.chosen), 0
         while True:
             model = self._joined(self._components(found.shapes))
-            looked = fresh = span.points(count, seen)
+            fresh = span.points(count, seen)
             seen += count
-            if not self._held:
-                # After every change: where errors were large, they are so in narrow ridges.
-                near = [other for each in self.chosen for other in span.around(each, _NEAR)]
+            follow = grow and additions < _ADDITIONS
+            looked, errors, worst = self._looked(model, fresh, follow=follow)
+            if not (worst or self._held):
+                # Once after every change: where errors were large, they are so in narrow ridges.
+                near = [other for each in self.chosen[first:] for other in span.around(each, _NEAR)]
                 named = [*self.scene.configurations, *span.corners()]
-                looked = [*(each for each in named if each not in self.chosen), *fresh, *near]
-            errors = self._screened(model, looked)
-            worst = self._largest(model, looked, self._over(errors)) if grow and additions < _ADDITIONS else []
+                others = [*(each for each in named if each not in self.chosen), *near]
+                more = self._looked(model, others, follow=follow)
+                looked, errors, worst = looked + more[0], np.vstack([errors, more[1]]), more[2]
             if worst:
                 self._held, self._largest_held, additions = 0, 0.0, additions + 1
                 self.chosen += worst
@@ -258,41 +268,17 @@ class ResponseShapes:
                     found = self._search.grown(found, 1)
                 continue
             self._held += len(fresh)
-            self._largest_held = max(self._largest_held, float(self._over(errors).max(initial=0.0)))
+            self._largest_held = max(self._largest_held, float(self._errors.over(errors).max(initial=0.0)))
             if not grow or not fresh or self._held >= _PROOF or self._largest_held > 1:
                 break
         return found, {each.name: tuple(error) for each, error in zip(looked, errors.tolist(), strict=True)}
 
-    def _largest(
-        self, model: ReducedModel, looked: Sequence[Configuration], ratios: NDArray[np.float64]
-    ) -> list[Configuration]:
-        """Configurations apart from each other with the largest errors above the share that is to be held."""
-        found: list[tuple[float, Configuration]] = []
-        for k in np.argsort(-ratios):
-            if len(found) < _CLIMBED and self._apart(looked[k], [each for _, each in found]):
-                found.append((float(ratios[k]), looked[k]))
-        # Uphill from each of them, by steps of decreasing size.
-        for share in _CLIMB:
-            near = [(k, each) for k, (_, start) in enumerate(found) for each in self._span.around(start, share)]
-            errors = self._screened(model, [each for _, each in near])
-            for (k, each), ratio in zip(near, self._over(errors), strict=True):
-                found[k] = max(found[k], (float(ratio), each), key=lambda climbed: climbed[0])
-        chosen: list[Configuration] = []
-        for ratio, each in sorted(found, key=lambda climbed: -climbed[0]):
-            if len(chosen) < _ADDED and ratio > _HELD and self._apart(each, chosen) and each not in self.chosen:
-                chosen.append(each)
-        return chosen
-
-    def _apart(self, one: Configuration, others: Sequence[Configuration]) -> bool:
-        return all(self._span.apart(one, other) > _APART for other in others)
-
-    def _over(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The larger of both errors over its limit."""
-        return np.asarray((errors / (self.limits.frf_error, self.limits.db_error)).max(axis=1, initial=0.0))
-
-    def _screened(self, model: ReducedModel, configurations: Sequence[Configuration]) -> NDArray[np.float64]:
-        self._advance(self._held, _PROOF)
-        return self.comparison.screened(configurations, model)
+    def _looked(
+        self, model: ReducedModel, looked: list[Configuration], *, follow: bool
+    ) -> tuple[list[Configuration], NDArray[np.float64], list[Configuration]]:
+        """Configurations that are looked at, their errors, and the worst to be added, if these are followed."""
+        errors = self._errors.measured(model, looked)
+        return looked, errors, self._errors.largest(model, looked, errors, self.chosen) if follow else []
 
     def _notes(
         self, found: Settled, between: Mapping[str, tuple[float, float]], certificate: CertificateRecord

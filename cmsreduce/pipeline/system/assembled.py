@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import wraps
+from functools import partial, wraps
 from typing import Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
@@ -225,6 +225,7 @@ class AssembledModel:
             return self._receptances
         return body_receptances(self.held.stack, omega)
 
+    @partial(once, about=lambda _, omega: omega.tobytes())
     def tables(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
         """Receptances at frequencies that every configuration needs."""
         return {

@@ -9,7 +9,6 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import Receptance
 from cmsreduce.model import (
     ERRORS,
     Configuration,
@@ -167,15 +166,10 @@ class Comparison:
         return Target(configuration, omega, elastic, rigid, row, column, responding)
 
     @once
-    def _few_tables(self, values: tuple[tuple[str, float], ...]) -> Mapping[str, Receptance]:
-        return self.reference.at(Configuration("", parameters=dict(values))).tables(self.few)
-
-    @once
     def responding(self, configuration: Configuration) -> tuple[NDArray[np.bool_], Real]:
         """Channels with an elastic response, and the reach of all at the frequencies ``few``."""
-        H, reach = self.reference.collocated(
-            configuration, self.few, self._few_tables(tuple(configuration.parameters.items()))
-        )
+        tables = self.reference.at(configuration).tables(self.few)
+        H, reach = self.reference.collocated(configuration, self.few, tables)
         return responding_channels(H - self.reference.rigid_response(configuration, self.few), reach), reach
 
     def candidate_error(self, model: ReducedModel) -> float:
@@ -202,20 +196,23 @@ class Comparison:
         resonance. Modes of the system are not needed, and nothing is held of a configuration but its wiring.
         """
         omega, every = self._screen
-        own, found = model.assembled.tables(omega) if configurations else {}, []
+        if not configurations:
+            return np.empty((0, 2))
+        every_full, few_full = (self.reference.tables(grid) for grid in (omega, self.few))
+        own, found = model.assembled.tables(omega), []
         for start in range(0, len(configurations), _TOGETHER):
             some = configurations[start : start + _TOGETHER]
-            full = self.reference.responses(some, [omega] * len(some), self._screen_tables)
+            full = self.reference.responses(some, [omega] * len(some), every_full)
             reduced = model.assembled.responses(some, [omega] * len(some), own)
             for configuration, H, H_r in zip(some, full, reduced, strict=True):
                 rigid = model.assembled.rigid_response(configuration, omega)
-                few, reach = self.reference.collocated(configuration, self.few, self._few_tables(()))
+                few, reach = self.reference.collocated(configuration, self.few, few_full)
                 responding = responding_channels(few - rigid[np.searchsorted(omega, self.few)], reach)
                 elastic, elastic_r = (np.where(responding, X - rigid, 0.0) for X in (H, H_r))
                 scales = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)
                 decibel = db_error(H[::every], H_r[::every], *scales)
                 found.append((frf_error(omega, elastic, elastic_r, *scales), decibel))
-        return np.array(found).reshape(-1, 2)
+        return np.array(found)
 
     @property
     @once
@@ -227,11 +224,6 @@ class Comparison:
         omega = np.geomspace(grid[0], grid[-1], every * (grid.size - 1) + 1)
         omega[::every] = grid
         return omega, every
-
-    @property
-    @once
-    def _screen_tables(self) -> Mapping[str, Receptance]:
-        return self.reference.tables(self._screen[0])
 
     def _errors(
         self, configurations: Sequence[Configuration], model: ReducedModel, *, quick: bool = False
@@ -313,17 +305,12 @@ class Comparison:
             found.append((errors, H_r))
         return found, seconds
 
-    @property
-    @once
-    def _decibel_tables(self) -> Mapping[str, Receptance]:
-        return self.reference.tables(self._decibel)
-
     def decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
         """Responses on the decibel grid; for many configurations, receptances of the reference bodies are tabulated."""
         many = model is self.reference and len(self.scene.configurations) > _TOGETHER
         # Tables are of one set of parameters.
         many &= not any(each.parameters for each in self.scene.configurations)
-        flexibility = self._decibel_tables if many else None
+        flexibility = self.reference.tables(self._decibel) if many else None
         known = self._decibels if model is self.reference else {}
         new = [each for each in configurations if each.name not in known]
         found = model.responses(new, [self._decibel] * len(new), flexibility)
