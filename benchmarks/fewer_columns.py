@@ -3,6 +3,7 @@
     python benchmarks/fewer_columns.py --visible station         modes of the system whose loss alone breaks a limit
     python benchmarks/fewer_columns.py --balanced station 26 40  balanced models of as many columns, two states each
     python benchmarks/fewer_columns.py --shapes station 26 30    errors of so many scene shapes, at their best
+    python benchmarks/fewer_columns.py --shapes station auto    the fewest that the search finds
     python benchmarks/fewer_columns.py --exchanges galileo       all sets with two modes exchanged for another one
 
 Each takes half a minute of one core, but for scene shapes, which take some minutes a number.
