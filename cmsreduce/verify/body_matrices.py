@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,7 +25,7 @@ _NEARLY = 1e-8
 _PARTS = 12
 
 
-def negative_directions(A: sp.csc_array, rounding: float, kind: Indices | None = None) -> int | None:
+def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integer[Any]] | None = None) -> int | None:
     """Count the motions whose energy is negative by more than rounding.
 
     Parameters
@@ -33,7 +34,7 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: Indices | None =
         Stiffness or mass, symmetric.
     rounding : float
         Relative error of the matrix.
-    kind : (n,) int64, optional
+    kind : (n,) int, optional
         Kinds of rows, such as directions: where none are coupled with others, each is a part of its own.
 
     Returns
@@ -58,7 +59,7 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: Indices | None =
     return count
 
 
-def _different_parts(A: sp.csc_array, kind: Indices | None) -> list[tuple[Indices, int]]:
+def _different_parts(A: sp.csc_array, kind: NDArray[np.integer[Any]] | None) -> list[tuple[Indices, int]]:
     """Rows of the unconnected parts of a symmetric matrix, of equal ones once with their number; all rows if many.
 
     The consistent mass of a solid has three equal parts: x, y and z.
