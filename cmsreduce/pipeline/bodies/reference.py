@@ -83,10 +83,9 @@ def reference(
 
     A damping law stated mode by mode needs all modes of the body, since it applies to all of them, and so does Rayleigh
     damping with alpha > 0 of a body that floats; other laws act on the sparse matrices, except where the interfaces are
-    wide. Bodies too large for that are
-    represented by MacNeal-Rubin with free modes to twice the cutoff: each with the damping that is stated for it, exact
-    in statics at every joint and actuator and in the static response to the inertia of these shapes. The summary names
-    this representation.
+    wide. Bodies too large for that are represented by MacNeal-Rubin with free modes to twice the cutoff: each with the
+    damping that is stated for it, exact in statics at every joint and actuator and in the static response to the
+    inertia of these shapes. The summary names this representation.
 
     Parameters
     ----------
