@@ -36,8 +36,9 @@ the cutoff instead err by 3.6e-7 of the peak, by 1.8e-4 of the response at its l
 WRITTEN_LIMIT = 600
 """Dofs up to which an unreduced body is written in all its modes: its modal integrals have 9 n^2 numbers."""
 # From this share of the dofs at interfaces on, all modes take less time than a model that answers a load at each of
-# these: two halves of 1452 dofs welded over 363 take a fifth (structural damping).
-_WIDE = 0.1
+# these: two halves of 1452 dofs welded over 363 take a fifth (structural damping). Bodies of fewer dofs are solved
+# densely, for all loads at once.
+_WIDE, _FEWEST = 0.1, 200
 # A sparse factorisation per frequency takes seconds beyond this.
 SPARSE_LIMIT = 20000
 # The reference model of a body too large for either holds modes up to this multiple of the cutoff, all static shapes,
@@ -139,7 +140,7 @@ def wide_in_modes(bodies: Mapping[str, tuple[FEModel, Ports, NDArray[np.float64]
         name
         for name, (body, ports, rigid) in bodies.items()
         if ports.interface.size > _WIDE * body.n
-        and body.n <= ALL_MODES_LIMIT
+        and _FEWEST <= body.n <= ALL_MODES_LIMIT
         and body.D is None
         and not body.terms
         and not damped_by_modes(body, rigid)

@@ -76,10 +76,10 @@ def test_bodies_that_are_too_many_together_have_no_modes_to_spare(bar) -> None:
 
 
 def test_wide_interfaces_take_all_modes_where_damping_is_diagonal_in_them() -> None:
-    """A bar in its dofs and in its modes has one response: 45 of its 135 dofs are at interfaces."""
+    """A bar in its dofs and in its modes has one response: 45 of its 216 dofs are at interfaces."""
     narrow = replace(block("bar", [0.8, 0.2, 0.2], [14, 2, 2]), damping=Damping(structural=0.02))
     face = [*range(1, 10), *range(37, 43)]
-    wide = replace(block("bar", [0.8, 0.2, 0.2], [4, 2, 2], {"face": face}), damping=Damping(structural=0.02))
+    wide = replace(block("bar", [0.8, 0.2, 0.2], [7, 2, 2], {"face": face}), damping=Damping(structural=0.02))
     dashpots = replace(wide, D=wide.K * 1e-6, damping=Damping())
     scene = replace(
         SCENE,
