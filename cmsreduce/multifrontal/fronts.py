@@ -309,7 +309,7 @@ def _add(into: NDArray[Any], at: int, updates: NDArray[Any], source: int, q: int
     """Add column q of an update, from its diagonal on, to the column that starts at ``at``."""
     i = q
     while i < to.size:
-        # Places without a sign: none is counted from the end, so that the sums are those of a vector.
+        # Unsigned places cannot count from the end of an array, so that the compiler adds several entries at a time.
         here, part = np.uint64(at + to[i]), np.uint64(source + i)
         for d in range(np.uint64(ends[i] - i)):
             into[here + d] += updates[part + d]

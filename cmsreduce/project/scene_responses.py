@@ -216,9 +216,7 @@ def _forces(sample: ResponseSample, G: Complex) -> tuple[Complex, Complex, Compl
 def _response(sample: ResponseSample, G: Complex) -> Complex:
     """The response alone, from the flexibility of all bodies between the rows (f, l, r)."""
     c = sample.c
-    both = G[:, c:, c:]
-    if c:
-        both = both - G[:, c:, :c] @ np.linalg.solve(G[:, :c, :c], G[:, :c, c:])
+    both = G[:, c:, c:] - G[:, c:, :c] @ np.linalg.solve(G[:, :c, :c], G[:, :c, c:])
     return np.asarray(sample.measure @ both)
 
 

@@ -82,7 +82,7 @@ def adaptive_flexibility(
     damped_rigid : bool
         True if D acts on rigid motion, which is then a part of the response.
     rounding : float
-        Relative rounding of the entries of K and M. No two methods agree better than it lets the response move.
+        Relative rounding of the entries of K and M. An error no larger than what it moves the response by is accepted.
     tolerance : float
         Largest error, relative to ``Evaluation.size``.
 

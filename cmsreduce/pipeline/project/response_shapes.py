@@ -251,14 +251,14 @@ class ResponseShapes:
             fresh = span.points(count, seen)
             seen += count
             follow = grow and additions < _ADDITIONS
-            looked, errors, worst = self._looked(model, fresh, follow=follow)
+            looked, (errors, worst) = fresh, self._looked_at(model, fresh, follow=follow)
             if not (worst or self._held):
                 # Once after every change: where errors were large, they are so in narrow ridges.
                 near = [other for each in self.chosen[first:] for other in span.around(each, _NEAR)]
                 named = [*self.scene.configurations, *span.corners()]
                 others = [*(each for each in named if each not in self.chosen), *near]
-                more = self._looked(model, others, follow=follow)
-                looked, errors, worst = looked + more[0], np.vstack([errors, more[1]]), more[2]
+                more, worst = self._looked_at(model, others, follow=follow)
+                looked, errors = [*fresh, *others], np.vstack([errors, more])
             if worst:
                 self._held, self._largest_held, additions = 0, 0.0, additions + 1
                 self.chosen += worst
@@ -273,12 +273,12 @@ class ResponseShapes:
                 break
         return found, {each.name: tuple(error) for each, error in zip(looked, errors.tolist(), strict=True)}
 
-    def _looked(
-        self, model: ReducedModel, looked: list[Configuration], *, follow: bool
-    ) -> tuple[list[Configuration], NDArray[np.float64], list[Configuration]]:
-        """Configurations that are looked at, their errors, and the worst to be added, if these are followed."""
-        errors = self._errors.measured(model, looked)
-        return looked, errors, self._errors.largest(model, looked, errors, self.chosen) if follow else []
+    def _looked_at(
+        self, model: ReducedModel, some: list[Configuration], *, follow: bool
+    ) -> tuple[NDArray[np.float64], list[Configuration]]:
+        """Errors of some configurations, and the worst ones to be added, if these are followed."""
+        errors = self._errors.measured(model, some)
+        return errors, self._errors.largest(model, some, errors, self.chosen) if follow else []
 
     def _notes(
         self, found: Settled, between: Mapping[str, tuple[float, float]], certificate: CertificateRecord
