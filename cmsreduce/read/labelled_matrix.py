@@ -84,6 +84,11 @@ class LabelledMatrix:
                     "matrix is truncated, or the list belongs to another run"
                 )
             A = sp.csc_array(sp.block_diag([A, sp.csc_array((n - rows, n - rows))], format="csc"))
+        if self.format == "calculix" and rows == 2 * n:
+            raise ReadError(
+                f"{self.path}: it has two rows for each of the {n} dofs of {named_by}, real and imaginary, as CalculiX "
+                "writes a sector of a *CYCLIC SYMMETRY MODEL; mesh the whole body"
+            )
         if A.shape != (n, n):
             raise ReadError(
                 f"{self.path}: matrix '{self.name}' is {A.shape[0]} x {A.shape[1]}, but the dof list {named_by} has "

@@ -90,6 +90,9 @@ def test_dof_list_that_does_not_fit(tmp_path: Path) -> None:
     (tmp_path / "body.dof").write_text("7.1\n7.2\n")
     with pytest.raises(ReadError, match=r"is 3 x 3, but the dof list .* has 2 dofs"):
         read_matrix(path)
+    path.write_text(lines(np.triu(np.kron(np.eye(2), K[:2, :2]))))
+    with pytest.raises(ReadError, match=r"two rows for each of the 2 dofs .*CYCLIC SYMMETRY MODEL; mesh the whole"):
+        read_matrix(path)
 
 
 @pytest.mark.parametrize(
