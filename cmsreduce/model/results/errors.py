@@ -207,8 +207,8 @@ class ModelErrors:
     frac_error : float, optional
         1 less the smallest criterion of the same channels.
     channel_errors, channel_peak : (outputs, inputs) float64, optional
-        Relative error of the elastic response, and of its highest peak, channel by channel; NaN where silent. The error
-        is infinite where only the reference model is silent.
+        Relative error of the elastic response, and of its highest peak, channel by channel; NaN where silent. Where
+        only the reference model is silent, the error is a share of the motion that the channel could have.
     channel_db : (outputs, inputs) float64, optional
         Decibel error, channel by channel; NaN where silent.
     channel_shift : (outputs, inputs) float64, optional

@@ -94,7 +94,8 @@ def model_errors(
     """
     configuration, omega, H = target.configuration, target.omega, target.elastic
     row, column = target.row, target.column
-    false = _false(comparison, configuration, model)
+    alone = _share_alone(comparison, configuration, model)
+    false = alone > 0
     responding = target.responding | false
     # In a channel that responds in neither model, both responses are rounding.
     elastic = np.where(responding, H_r - model.assembled.rigid_response(configuration, omega), 0.0)
@@ -107,7 +108,7 @@ def model_errors(
     nothing = float("nan")
     return ModelErrors(
         # Without a channel there is nothing to measure.
-        frf_error=_frf_error(target, elastic, false) if loud.any() else nothing,
+        frf_error=_frf_error(target, elastic, alone) if loud.any() else nothing,
         db_error=float(np.nanmax(in_db, initial=0.0)) if loud.any() else nothing,
         channel_db=in_db,
         frequency_error=pairs.worst,
@@ -118,7 +119,7 @@ def model_errors(
         damped=_damped_pairs(comparison, configuration, model) if damped else None,
         peak_error=float(peak[sure].max(initial=0.0)) if sure.any() else nothing,
         frac_error=float((1 - shape[sure]).max(initial=0.0)) if sure.any() else nothing,
-        channel_errors=channel_errors(omega, H, elastic),
+        channel_errors=np.where(false, alone, channel_errors(omega, H, elastic)),
         channel_peak=peak,
         channel_shift=shift,
         nrfd=float(np.nanmax(shift[loud], initial=0.0)) if loud.any() else nothing,
@@ -132,14 +133,19 @@ def model_errors(
     )
 
 
-def _false(comparison: Comparison, configuration: Configuration, model: ReducedModel) -> NDArray[np.bool_]:
-    """Channels (outputs, inputs) with an elastic response in the reduced model alone."""
+def _share_alone(comparison: Comparison, configuration: Configuration, model: ReducedModel) -> Real:
+    """Largest share (outputs, inputs) of its reach that a channel has in the reduced model alone; 0 of other channels.
+
+    The reference model is silent there, so that no response of its own can be the measure.
+    """
     responding, reach = comparison.responding(configuration)
     if responding.all():
-        return np.zeros(responding.shape, dtype=bool)
+        return np.zeros(responding.shape)
     H_r = model.assembled.response(configuration, comparison.few)
     elastic = H_r - model.assembled.rigid_response(configuration, comparison.few)
-    return np.asarray(~responding & responding_channels(elastic, reach, _FALSE))
+    false = ~responding & responding_channels(elastic, reach, _FALSE)
+    share = np.divide(abs(elastic), reach, out=np.full(reach.shape, np.inf), where=reach > 0)
+    return np.where(false, share.max(axis=0, where=elastic != 0, initial=0.0), 0.0)
 
 
 def _pairs(
@@ -166,12 +172,11 @@ def _damped_pairs(comparison: Comparison, configuration: Configuration, model: R
     return pair_complex_modes(full.s, reduced.s, cross, comparison.scene.band[1])
 
 
-def _frf_error(target: Target, elastic: Complex, false: NDArray[np.bool_]) -> float:
-    """Error of the elastic response; infinite where the reduced model answers in a unit that is silent otherwise."""
-    unscaled = false & ((target.row[:, None] == 0) | (target.column[None, :] == 0))
-    if unscaled.any():
-        return float("inf")
-    return frf_error(target.omega, target.elastic, elastic, target.row, target.column)
+def _frf_error(target: Target, elastic: Complex, alone: Real) -> float:
+    """Error of the elastic response; in a unit that is silent in the reference model, the share of the reach counts."""
+    unscaled = (target.row[:, None] == 0) | (target.column[None, :] == 0)
+    found = frf_error(target.omega, target.elastic, elastic, target.row, target.column)
+    return max(found, float(alone[unscaled].max(initial=0.0)))
 
 
 def _alone(
