@@ -9,20 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
 from cmsreduce.config import BodyDraft, Component, body_pipeline, scene_pipeline
 from cmsreduce.errors import CmsReduceError, DofMapError, ReadError
-from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.linalg.sparse import factorise
-from cmsreduce.mechanics import hold_undetermined
-from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
+from cmsreduce.model import SI, FEModel, Units
 from cmsreduce.pipeline.bodies import REDUCED_FILES, material_of, plausible_units, reduced_body
 from cmsreduce.pipeline.drafts.body_files import bodies_of_files, body_names, deck_beside
 from cmsreduce.pipeline.drafts.coincident_nodes import meetings
+from cmsreduce.pipeline.drafts.first_mode import QUICK, first_elastic, free_motions
 from cmsreduce.pipeline.drafts.mounts import cells_of, joined, mounted, translations_of
-from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import (
     MatrixSource,
     file_kind,
@@ -31,12 +26,9 @@ from cmsreduce.read import (
     superelement_damping,
     superelement_matrices,
 )
-from cmsreduce.verify import rigid_motions
 
 __all__ = ["Draft", "draft_body", "draft_pipeline"]
 
-# A larger body takes more than a minute to factorise; only the run computes its first frequency.
-_QUICK = 20_000
 _FREE = 6
 _REDUCED = ("component", *REDUCED_FILES)
 _NO_DECK = "no deck, listing (.f06) or mesh is given, so that the place of no node is known: cmsreduce new {}2 {} {}"
@@ -194,7 +186,7 @@ def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
         if body.nodes is None:
             return None, _without_places(draft, body)
         draft = _with_units(draft, body)
-        hz = _first_elastic(body)
+        hz = first_elastic(body)
     except CmsReduceError as error:
         # A file beside the matrices may have what is missing.
         more = f"; {_no_deck(draft)}" if draft.geometry is None and _beside(draft) is not None else ""
@@ -231,7 +223,7 @@ def _held(read: Callable[..., FEModel], refused: DofMapError) -> FEModel:
         body = read(grounded=True)
         proven = prove_row_order(body).status == "proven"
         # A body that floats is refused for another reason than its supports.
-        proven = proven and (body.n > _QUICK or _free_motions(body).shape[1] < _FREE)
+        proven = proven and (body.n > QUICK or free_motions(body).shape[1] < _FREE)
     except CmsReduceError:
         proven = False
     if not proven:
@@ -258,31 +250,3 @@ def _warnings(drafts: Sequence[BodyDraft]) -> tuple[str, ...]:
         if draft.units_remark:
             said.append(f"units of '{draft.name}': {draft.units_remark}")
     return tuple(dict.fromkeys(said))
-
-
-def _first_elastic(body: FEModel) -> float | None:
-    """First elastic frequency, per unit of time, of a body that is small enough."""
-    if body.n > _QUICK:
-        return None
-    # The run holds what nothing moves, such as the directions that a boundary grid does not have.
-    determined = hold_undetermined(body).body
-    return _beside_rigid_motions(determined, _free_motions(determined))
-
-
-def _free_motions(body: FEModel) -> NDArray[np.float64]:
-    """Rigid motions (n, r) without force, orthonormal in M."""
-    assert body.nodes is not None
-    shapes = rigid_body_shapes(body.dofs, body.nodes)
-    return rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name)
-
-
-@diagnostic("the first elastic frequency of '{}'", about=lambda body, rigid: body.name)
-def _beside_rigid_motions(body: FEModel, rigid: NDArray[np.float64]) -> float | None:
-    if rigid.shape[1]:
-        return rigid_motions(body, rigid).elastic_hz
-    solve = factorise(body.K, what="the stiffness")
-    # The softest motion has the largest mass for its stiffness; reduced integration leaves motions without mass.
-    inverse = spla.LinearOperator(body.K.shape, solve, dtype=np.float64)
-    start = np.random.default_rng(1).standard_normal(body.n)
-    softest = spla.eigsh(body.M, 1, body.K, Minv=inverse, which="LA", return_eigenvectors=False, v0=start, tol=1e-6)
-    return float(softest[0] ** -0.5) / (2 * np.pi)

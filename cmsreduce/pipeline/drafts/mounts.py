@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.config import BodyDraft
-from cmsreduce.model import DofTable, FEModel
+from cmsreduce.model import DofTable, FEModel, Units
 from cmsreduce.pipeline.drafts.coincident_nodes import Meeting
+from cmsreduce.pipeline.drafts.first_mode import softly_tied
 from cmsreduce.pipeline.drafts.proposed_interfaces import Place, proposed_interfaces
 from cmsreduce.read import read_cells, read_geometry
 
@@ -37,7 +38,8 @@ def mounted(draft: BodyDraft, body: FEModel) -> BodyDraft:
     places = _proposed(draft, body)
     if not places:
         return replace(draft, remark="no node of the deck has rows in the matrices, so that none can be the mount")
-    mount, rest = places[0], tuple((each.name, each.interface, each.words) for each in places[1:])
+    mount = softly_tied(places[0], body, draft.elastic_hz, Units.parse(draft.units).time if draft.units else 1.0)
+    rest = tuple((each.name, each.interface, each.words) for each in places[1:])
     return _placed(replace(draft, interfaces=(("mount", mount.interface, mount.words),), proposed=rest), body, mount)
 
 

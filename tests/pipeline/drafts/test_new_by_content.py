@@ -20,7 +20,8 @@ from cmsreduce.errors import DofMapError, MatrixError, ReadError
 from cmsreduce.model import DofTable, FEModel, Nodes, Units, in_units
 from cmsreduce.pipeline.bodies.plausible_units import Material, material_of, plausible_units
 from cmsreduce.pipeline.drafts import draft_body, draft_pipeline
-from cmsreduce.pipeline.drafts.proposed_interfaces import proposed_interfaces
+from cmsreduce.pipeline.drafts.first_mode import softly_tied
+from cmsreduce.pipeline.drafts.proposed_interfaces import Place, proposed_interfaces
 from tests.pipeline.study import arm, panel, system_frequencies, write_body
 from tests.solids import block, face
 
@@ -325,6 +326,18 @@ def test_a_run_says_that_the_stiffness_is_given_as_mass(tmp_path: Path, trusted:
     matrix = (tmp_path / "arm.op4", "KAA")
     with pytest.raises(MatrixError, match=r"the stiffness \(.*arm\.op4\) is given as mass, too"):
         cms.read_body("arm", stiffness=matrix, mass=matrix, geometry=tmp_path / "arm.bdf", rows_trusted=trusted)
+
+
+@pytest.mark.parametrize(("edge", "tie"), [(False, "rigid"), (True, "average")])
+def test_a_tie_that_would_make_another_body_is_an_average(edge: bool, tie: str) -> None:
+    """A thin plate with all its edges in one set, and with one of them."""
+    body = block("plate", (0.1, 0.1, 0.01), (3, 3, 1))
+    at, xyz = body.nodes.id, body.nodes.xyz[:, :2]
+    ends = np.isin(xyz, (xyz.min(), xyz.max())) if edge else xyz[:, :1] == xyz.min()
+    place = Place("rim", "{set: RIM, tie: rigid}", tuple(at[ends.any(axis=1)].tolist()), "set", tied=True)
+    hz = np.sqrt(la.eigvalsh(body.K.toarray(), body.M.toarray(), subset_by_index=[6, 6])[0]) / (2 * np.pi)
+    found = softly_tied(place, body, float(hz), 1.0)
+    assert found.interface == f"{{set: RIM, tie: {tie}}}" and ("raises the first elastic mode" in found.words) is edge
 
 
 def test_lone_nodes_come_before_faces() -> None:
