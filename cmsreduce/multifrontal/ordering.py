@@ -13,6 +13,9 @@ __all__ = ["compressed_graph", "dissection_installed", "nested_dissection", "row
 
 # The order must be the same in every run.
 _SEED = 1
+# Consecutive rows that share so much of their columns are one vertex, so many at most: the dofs of a node whose
+# cancelled couplings are not stored, as in aligned bricks. Neighbouring nodes share two thirds.
+_ALIKE, _MOST = 0.7, 6
 # A row that is coupled with more groups than these limits (the first is a multiple of the root of their number) would
 # belong to every separator. It is ordered last, as minimum-degree codes do.
 _DENSE, _DENSE_AT_LEAST = 10.0, 16
@@ -25,7 +28,7 @@ def dissection_installed() -> bool:
 
 
 def nested_dissection(A: sp.csc_array) -> NDArray[np.int64]:
-    """Order the rows by nested dissection of the graph whose vertices are groups of indistinguishable rows.
+    """Order the rows by nested dissection of the graph whose vertices are groups of rows with like columns.
 
     Parameters
     ----------
@@ -49,7 +52,7 @@ def nested_dissection(A: sp.csc_array) -> NDArray[np.int64]:
     Sci. Comput. 20 (1998) 359-392; compression: C. Ashcraft, "Compressed graphs and the minimum degree algorithm", SIAM
     J. Sci. Comput. 16 (1995) 1404-1411.
     """
-    group = row_groups(A)
+    group = _vertices(A)
     graph, weight = compressed_graph(A, group)
     degree = np.diff(graph.indptr)
     dense = degree > max(_DENSE_AT_LEAST, _DENSE * np.sqrt(degree.size))
@@ -103,6 +106,26 @@ def row_groups(A: sp.csc_array) -> NDArray[np.int64]:
     return np.asarray(np.unique(like, return_inverse=True)[1], dtype=np.int64)
 
 
+def _vertices(A: sp.csc_array) -> NDArray[np.int64]:
+    """Group of each row, numbered as by `row_groups`; a single row is joined with alike ones beside it."""
+    group, pattern = row_groups(A), _with_diagonal(A)
+    n, columns, start = group.size, pattern.indices, pattern.indptr
+    if n < 2:
+        return group
+    cut = start[1]
+    this = sp.csc_array((pattern.data[: start[-2]], columns[: start[-2]], start[:-1]), shape=(n, n - 1))
+    following = sp.csc_array((pattern.data[cut:], columns[cut:], start[1:] - cut), shape=(n, n - 1))
+    length, single = np.diff(start), np.bincount(group)[group] == 1
+    shared = np.diff(sp.csc_array(this.multiply(following)).indptr)
+    alike = shared >= _ALIKE * np.maximum(length[:-1], length[1:])
+    # Groups of several rows stay apart.
+    alike &= (group[:-1] == group[1:]) | single[:-1] | single[1:]
+    rows = np.arange(n)
+    run = np.maximum.accumulate(np.where(np.append(True, ~alike), rows, 0))
+    first = rows - (rows - run) % _MOST
+    return np.asarray(np.unique(group[first], return_inverse=True)[1], dtype=np.int64)
+
+
 def _with_diagonal(A: sp.csc_array) -> sp.csc_array:
     """Pattern of the matrix with all diagonal entries and sorted indices."""
     n = A.shape[0]
@@ -122,22 +145,20 @@ def compressed_graph(A: sp.csc_array, group: NDArray[np.int64]) -> tuple[sp.csr_
     A : (n, n) csc array
         Symmetric.
     group : (n,) int64
-        Group of each row; rows of one group couple with the same rows, see `row_groups`.
+        Group of each row.
 
     Returns
     -------
     graph : (g, g) csr array
-        Couplings without loops; groups in the order of their numbers.
+        Couplings with the first row of a group, without loops; groups in the order of their numbers.
     rows : (g,) int64
         Number of rows in each group.
     """
     groups, first, weight = np.unique(group, return_index=True, return_counts=True)
-    number = np.full(A.shape[0], -1, dtype=np.int64)
-    number[first] = np.searchsorted(groups, group[first])
-    # A group couples with all rows of another group or with none: one row of each is enough.
+    # Rows of a group couple with the same rows, or nearly so: one column of each is enough.
     part = sp.coo_array(sp.csc_array((np.ones(A.nnz, dtype=bool), A.indices, A.indptr), A.shape)[:, first])
-    row, column = number[part.coords[0]], part.coords[1]
-    keep = (row >= 0) & (row != column)
+    row, column = np.searchsorted(groups, group)[part.coords[0]], part.coords[1]
+    keep = row != column
     row, column = row[keep], column[keep]
     ends = np.concatenate([row, column]), np.concatenate([column, row])
     graph = sp.csr_array((np.ones(2 * row.size, dtype=bool), ends), shape=(first.size, first.size))

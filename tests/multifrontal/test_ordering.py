@@ -59,6 +59,16 @@ def test_rows_that_agree_by_chance_are_not_merged(monkeypatch):
         assert any(rows <= group for group in true)
 
 
+@pytest.mark.parametrize("density", [0.005, 0.05])
+def test_nodes_without_some_of_their_couplings_are_ordered_as_those_with_all(density):
+    whole = lattice(7, 6, 5)
+    rng = np.random.default_rng(5)
+    left_out = sp.random_array(whole.shape, density=density, rng=rng) + sp.eye_array(whole.shape[0])
+    fewer = sp.csc_array(whole * ((left_out + left_out.T).toarray() == 0) + sp.diags_array(whole.diagonal()))
+    assert np.unique(row_groups(fewer)).size > 1.5 * 7 * 6 * 5
+    np.testing.assert_array_equal(nested_dissection(fewer), nested_dissection(whole))
+
+
 @pytest.mark.parametrize("A", PATTERNS.values(), ids=PATTERNS)
 def test_every_row_has_one_place_beside_its_group(A):
     order = nested_dissection(A)
