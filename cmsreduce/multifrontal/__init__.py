@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         compile_loops,
     )
     from cmsreduce.multifrontal.loops import compiled_folder
+    from cmsreduce.multifrontal.shift import shifted
 
 __all__ = [
     "CholeskyFactor",
@@ -36,6 +37,7 @@ __all__ = [
     "lacks",
     "nested_dissection",
     "row_groups",
+    "shifted",
 ]
 
 
@@ -45,6 +47,8 @@ def __getattr__(name: str) -> Any:
         return getattr(import_module("cmsreduce.multifrontal.factor"), name)
     if name == "compiled_folder":
         return import_module("cmsreduce.multifrontal.loops").compiled_folder
+    if name == "shifted":
+        return import_module("cmsreduce.multifrontal.shift").shifted
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.multifrontal.loops import loop
 
-__all__ = ["column_counts", "couplings", "elimination_tree", "postorder"]
+__all__ = ["Pattern", "column_counts", "couplings", "elimination_tree", "pattern_of", "postorder"]
 
 Ints = NDArray[np.int64]
 Rows = NDArray[np.int32]
@@ -112,13 +114,39 @@ def column_counts(starts: Ints, indices: Rows, order: Ints, place: Ints, tree: I
     return count
 
 
-def couplings(A: sp.csc_array) -> tuple[Ints, Rows]:
+class Pattern(NamedTuple):
+    """Both triangles of a matrix compared.
+
+    Parameters
+    ----------
+    mirrored : bool
+        True if each nonzero entry has its mirror image.
+    full : bool
+        True if no zero is stored.
+    number : int
+        Hash of the places of the nonzero entries below the diagonal, 64 bits.
+    """
+
+    mirrored: bool
+    full: bool
+    number: int
+
+
+def pattern_of(A: sp.csc_array) -> Pattern:
+    """Compare both triangles of a matrix (n, n)."""
+    mirrored, full, number = _compared(A.indptr, A.indices, A.data)
+    return Pattern(mirrored, full, int(number))
+
+
+def couplings(A: sp.csc_array, pattern: Pattern | None = None) -> tuple[Ints, Rows]:
     """Rows that each row of a symmetric matrix is coupled with, in compressed form.
 
     Parameters
     ----------
     A : (n, n) csc array
         An entry in one triangle alone couples too: rounding leaves such entries.
+    pattern : Pattern, optional
+        Result of `pattern_of`, if known.
 
     Returns
     -------
@@ -127,7 +155,7 @@ def couplings(A: sp.csc_array) -> tuple[Ints, Rows]:
         A row may occur twice, and may be among its own. The pattern of the matrix itself, without a copy, where that
         tells it all.
     """
-    mirrored, full = _compared(A.indptr, A.indices, A.data)
+    mirrored, full, _ = pattern or pattern_of(A)
     if mirrored and full:
         return A.indptr.astype(np.int64), A.indices.astype(np.int32, copy=False)
     starts, indices = _couplings(A.indptr, A.indices, A.data, not mirrored)
@@ -135,7 +163,7 @@ def couplings(A: sp.csc_array) -> tuple[Ints, Rows]:
 
 
 @loop
-def _compared(starts: Rows, indices: Rows, data: NDArray[np.float64]) -> tuple[bool, bool]:
+def _compared(starts: Rows, indices: Rows, data: NDArray[np.float64]) -> tuple[bool, bool, np.uint64]:
     """Compare a hash sum of both triangles: whether each nonzero entry has its mirror image; and find stored zeros.
 
     The hash of a pair is a product of two, so that a column takes one product.
@@ -157,7 +185,7 @@ def _compared(starts: Rows, indices: Rows, data: NDArray[np.float64]) -> tuple[b
                 above += low[i]
         lower += below * low[j]
         upper += above * high[j]
-    return bool(lower == upper), full
+    return bool(lower == upper), full, lower
 
 
 @loop

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.multifrontal.blas import routines
-from cmsreduce.multifrontal.elimination import couplings
+from cmsreduce.multifrontal.elimination import couplings, pattern_of
 from cmsreduce.multifrontal.fronts import Blocks, Given, depth_parity, eliminate, place_panels, stack_size
 from cmsreduce.multifrontal.ordering import nested_dissection
 from cmsreduce.multifrontal.pages import Pages
@@ -30,6 +32,8 @@ Ints = NDArray[np.int64]
 # Largest growth of an indefinite matrix, see `CholeskyFactor`: twelve digits of its entries are left. Solids of 1e4 and
 # 1e5 rows have a growth of 4 with fifty negative pivots, and of 200 to 3000 with seven hundred.
 _GROWTH = 1e4
+# Supernodes of the factors in use, by pattern, order and threads: K and K - sigma M have the same.
+_IN_USE: WeakValueDictionary[tuple[int, ...], Supernodes] = WeakValueDictionary()
 
 
 class NotPositiveDefiniteError(ArithmeticError):
@@ -137,7 +141,7 @@ class CholeskyFactor:
         self._real = np.dtype(np.float64 if scale is None else np.float32)
         self._table = routines(self._real)
         order = nested_dissection(A) if order is None else order
-        tree = self._tree = supernodes(*couplings(A), np.asarray(order, dtype=np.int64), threads)
+        tree = self._tree = _supernodes_of(A, np.ascontiguousarray(order, dtype=np.int64), threads)
         panels, entries, held = place_panels(tree.first, tree.begin, kept)
         above = tree.above
         load = np.add.reduceat(tree.operations[: above.start], tree.subtrees[:-1]) if above.start else np.zeros(0)
@@ -292,6 +296,19 @@ class CholeskyFactor:
         pivots = np.empty(self.n)
         pivots[self._tree.order] = self._pivots
         return np.asarray(pivots / self._scale**2)
+
+
+def _supernodes_of(A: sp.csc_array, order: Ints, threads: int) -> Supernodes:
+    """Supernodes of a matrix in an order; those of a factor in use where its pattern is the same."""
+    pattern = pattern_of(A)
+    if not pattern.mirrored:
+        return supernodes(*couplings(A, pattern), order, threads)
+    # Two patterns share a key of 96 bits by no chance that counts.
+    key = (A.shape[0], threads, pattern.number, zlib.crc32(order.data))
+    found = _IN_USE.get(key)
+    if found is None:
+        found = _IN_USE[key] = supernodes(*couplings(A, pattern), order, threads)
+    return found
 
 
 class _UpdateMemory:

@@ -6,8 +6,8 @@ A supernode is a set of columns that are eliminated together, as one dense block
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from heapq import heapify, heappop, heappush, heapreplace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,8 @@ _SPLITS, _TOGETHER, _FINE = 200, 0.7, 1e-3
 _UP_TO, _ZEROS = (16, 64, 160), (1.0, 0.3, 0.1, 0.04)
 
 
-class Supernodes(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Supernodes:
     """Columns of a factor that have the same rows and are eliminated as one dense block.
 
     Parameters

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.multifrontal import nested_dissection
+from cmsreduce.multifrontal import CholeskyFactor, nested_dissection
 from cmsreduce.multifrontal.elimination import column_counts, couplings, elimination_tree, postorder
 from cmsreduce.multifrontal.supernodes import shares, supernodes
-from tests.multifrontal.matrices import lattice
+from tests.multifrontal.matrices import backward_error, lattice
 
 
 def random_pattern(n: int, density: float, seed: int) -> sp.csc_array:
@@ -117,6 +117,28 @@ def test_stored_zeros_do_not_couple_and_an_entry_in_one_triangle_does():
     starts, indices = couplings(A)
     found = [sorted(set(indices[starts[k] : starts[k + 1]].tolist())) for k in range(4)]
     assert found == [[2], [2], [0, 1], []]
+
+
+def test_a_factor_in_use_lends_its_supernodes_to_the_same_pattern_only():
+    A, other = lattice(5, 4, 4), lattice(5, 4, 4)
+    # The same number of entries, one pair at another place.
+    gone, new = (3, 0), (239, 0)
+    assert other[*gone] and not other[*new]
+    other = other.tolil()
+    for i, j in (gone, gone[::-1]):
+        other[i, j] = 0.0
+    for i, j in (new, new[::-1]):
+        other[i, j] = -1.0
+    other, order = sp.csc_array(other), nested_dissection(A)
+    shift = sp.csc_array(A + sp.eye_array(A.shape[0]))
+    first = CholeskyFactor(A, order, threads=2)
+    rest = {name: CholeskyFactor(B, order, threads=2) for name, B in {"shift": shift, "other": other}.items()}
+    assert rest["shift"]._tree is first._tree
+    for tree in (rest["other"]._tree, CholeskyFactor(A, order)._tree, CholeskyFactor(A, order[::-1], threads=2)._tree):
+        assert tree is not first._tree
+    b = np.random.default_rng(1).standard_normal((A.shape[0], 2))
+    assert backward_error(shift, rest["shift"].solve(b), b) < 1e-14
+    assert backward_error(other, rest["other"].solve(b), b) < 1e-14
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 8])

@@ -19,7 +19,7 @@ from cmsreduce.linalg.blocks import congruence, symmetric_product, times
 from cmsreduce.linalg.eigen.block_lanczos import Operator
 from cmsreduce.linalg.eigen.inverse_iteration import ShiftedModes, refined_orthonormal
 from cmsreduce.linalg.eigen.shift_invert import CONVERGED, Window, modes_about
-from cmsreduce.linalg.sparse import BLOCK, Factor, NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.sparse import BLOCK, Factor, NotPositiveDefiniteError, factorise, shifted_matrix
 
 __all__ = ["SLICED", "STEPPED", "counted_modes", "shifted_factor", "sturm_count"]
 
@@ -87,7 +87,7 @@ def shifted_factor(K: sp.csc_array, M: sp.csc_array, sigma: float, *, solves: bo
         stepped = sigma * (1 + attempt * _STEP)
         try:
             factor = factorise(
-                sp.csc_array(K - stepped * M), definite=False, what="the shifted stiffness", solves=solves
+                shifted_matrix(K, M, stepped), definite=False, what="the shifted stiffness", solves=solves
             )
         except NotPositiveDefiniteError:
             continue

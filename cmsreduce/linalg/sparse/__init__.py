@@ -24,7 +24,7 @@ from cmsreduce.linalg.sparse.flexibility import (
     motions_held,
     rough_solve,
 )
-from cmsreduce.linalg.sparse.parts import part, share_order
+from cmsreduce.linalg.sparse.parts import part, share_order, shifted_matrix
 from cmsreduce.linalg.sparse.refined_factor import RefinedFactor
 
 __all__ = [
@@ -47,4 +47,5 @@ __all__ = [
     "part",
     "rough_solve",
     "share_order",
+    "shifted_matrix",
 ]

@@ -1,4 +1,4 @@
-"""Parts of a large matrix, such as the interior of a body: their orders follow from the order of the whole."""
+"""Parts of a large matrix, such as the interior of a body, whose orders follow from that of the whole; and shifts."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.machine import current_settings
-from cmsreduce.linalg.sparse.factorisation import LARGE
+from cmsreduce.linalg.sparse.factorisation import LARGE, installed
 from cmsreduce.linalg.sparse.lower_triangle import nonzero_pattern
 from cmsreduce.multifrontal import dissection_installed, nested_dissection
 
-__all__ = ["part", "share_order"]
+__all__ = ["part", "share_order", "shifted_matrix"]
 
 
 def share_order(A: sp.csc_array, *, borrowed: bool = False) -> NDArray[np.int64] | None:
@@ -71,3 +71,13 @@ def part(A: sp.csc_array, rows: NDArray[np.integer[Any]], order: NDArray[np.int6
         sequence = place[order]
         current_settings().orders.store(*nonzero_pattern(inner), sequence[sequence >= 0])
     return inner
+
+
+def shifted_matrix(K: sp.csc_array, M: sp.csc_array, sigma: float) -> sp.csc_array:
+    """K - sigma M (n, n); a large one shares the pattern of K where that holds the pattern of M."""
+    if K.shape[0] < LARGE or not installed("multifrontal"):
+        return sp.csc_array(K - sigma * M)
+    # Imported here: compiled loops take half a second to load, which small bodies do not need.
+    from cmsreduce.multifrontal import shifted
+
+    return shifted(K, M, sigma)
