@@ -119,18 +119,20 @@ def free_mass(body: FEModel) -> FreeMass:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass matrix cannot be compared with a rigid one")
     R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
     size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
-    return FreeMass(_moving_directions(body, body.nodes, R), R.T @ (body.M @ R), size)
+    return FreeMass(_moving_directions(body, body.nodes), R.T @ (body.M @ R), size)
 
 
-def _moving_directions(body: FEModel, nodes: Nodes, R: Array) -> NDArray[np.int64]:
-    """Directions of `FreeMass`."""
+def _moving_directions(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
+    """Directions of `FreeMass`. An average tie takes single translations of its nodes, which follow the others."""
     heavy = np.unique(body.dofs.node[body.M.diagonal() > 0])
-    moving = (body.dofs.component > 0) & (body.dofs.component <= 3)
-    rows = np.flatnonzero(moving & np.isin(body.dofs.node, heavy))
+    dofs = body.recovery.dofs
+    moving = (dofs.component > 0) & (dofs.component <= 3)
+    rows = np.flatnonzero(moving & np.isin(dofs.node, heavy))
     if not rows.size:
         return np.empty(0, dtype=np.int64)
-    _, of = np.unique(body.dofs.node[rows], return_inverse=True)
-    moved = np.array([np.bincount(of, weights=R[rows, axis] ** 2) for axis in range(3)])
+    _, of = np.unique(dofs.node[rows], return_inverse=True)
+    R = rigid_body_shapes(dofs[rows], nodes)
+    moved = np.array([np.bincount(of, weights=R[:, axis] ** 2) for axis in range(3)])
     free = (moved > 1 - _WHOLE).all(axis=1)
     if body.constrained is not None:
         # A consistent mass lost its part between a held node and its neighbours.

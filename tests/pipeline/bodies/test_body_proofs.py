@@ -181,6 +181,19 @@ def test_a_consistent_mass_in_another_order_stops_the_run(tmp_path: Path) -> Non
     assert found.exit_code == 2 and "the rows labelled node 2 are those of node 5" in said
 
 
+@pytest.mark.parametrize("tie", ["rigid", "average"])
+def test_a_tied_face_hides_no_mass_that_is_larger_along_one_axis(tmp_path: Path, tie: str) -> None:
+    """An average tie takes single translations of nodes, which move with the body all the same."""
+    keys = f"    interfaces: {{face: {{nodes: {[*range(1, 13)]}, tie: {tie}}}}}\n"
+    name, heavier = "mass matrix: the same mass along x, y, z", BRICK.M.diagonal()
+    heavier[1:] = 0.0
+    for more, passed in ((0.0, True), (0.5, False)):
+        body = replace(BRICK, M=sp.csc_array(BRICK.M + more * sp.diags_array(heavier)))
+        found = opened(tmp_path, body, [], keys)
+        assert {check.name: check.passed for check in found.checks}[name] is passed
+        assert proof_of(found, "mass").state == ("proven" if passed else "refuted")
+
+
 def test_a_condensed_mass_in_another_order_has_no_centre(tmp_path: Path) -> None:
     i = np.flatnonzero(np.isin(FRAME.dofs.node, [2, 5, 7]))
     j = np.setdiff1d(np.arange(FRAME.n), i)
