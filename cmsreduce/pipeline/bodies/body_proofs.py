@@ -49,6 +49,8 @@ _DEFINITE, _DIGITS = 1e-9, 10.0
 
 # Agreement of the first moments of mass with the neighbours: 1 in beams, less where elements are bent or plates.
 _TOWARD = 0.5
+# Axes in another order must agree better by this much to be a doubt.
+_BETTER = 0.1
 
 
 @dataclass(frozen=True)
@@ -175,11 +177,15 @@ def _mass(
             checks.append(by_deck)
             if by_deck.passed:
                 ordered, evidence = True, "each node has the mass that the deck states"
-    if ordered and (toward := moments_toward_neighbours(body)) is not None and toward < _TOWARD:
+    toward = moments_toward_neighbours(body) if ordered else None
+    if toward is not None and toward.as_given < max(_TOWARD, toward.best - _BETTER):
         ordered = False
+        other = "rows in reverse, of another sign or in another frame"
+        if toward.best - _BETTER > toward.as_given:
+            other = f"another order of axes ({toward.best:.2f} with {toward.order} in place of x, y, z)"
         evidence = (
-            f"its first moments point to the neighbours of their nodes by {toward:.2f} of 1, as those of rows in "
-            "reverse, of another sign or in another frame; masses beside their grids do so, too"
+            f"its first moments point to the neighbours of their nodes by {toward.as_given:.2f} of 1, as those of "
+            f"{other}; masses beside their grids do so, too"
         )
     if not ordered and rows.motions == _ALL_MOTIONS and exchanges_hidden(body) == 0:
         ordered, evidence = True, "an exchange of any two nodes would leave no centre of mass"

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import permutations
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -9,7 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import symmetric_product
 from cmsreduce.model import FEModel, Finding, cross_matrix, rigid_body_shapes
 
-__all__ = ["exchanges_hidden", "lumps", "mass_order_by_deck", "moments_toward_neighbours"]
+__all__ = ["MomentsToward", "exchanges_hidden", "lumps", "mass_order_by_deck", "moments_toward_neighbours"]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +31,8 @@ _SHOWS, _ROUNDINGS = 1e-5, 1e3
 
 # First moments of mass below this share of mass times length are rounding.
 _MOMENT = 1e-6
+# Agreement of first moments with the neighbours of which no exchange of axes is in doubt.
+_AGREES = 0.9
 
 
 def lumps(body: FEModel) -> Array | None:
@@ -131,16 +137,36 @@ def exchanges_hidden(body: FEModel) -> int | None:
     return int((shown <= max(_SHOWS, _ROUNDINGS * body.rounding)).sum())
 
 
-def moments_toward_neighbours(body: FEModel) -> float | None:
-    """Agreement, from -1 to 1, of the first moment of the mass at each node with the direction of its neighbours.
+@dataclass(frozen=True)
+class MomentsToward:
+    """Agreement, from -1 to 1, of the first moments of mass at the nodes with the directions of their neighbours.
+
+    Parameters
+    ----------
+    as_given : float
+        Of the mass as it is.
+    best : float
+        The largest of `as_given` and of those with axes exchanged at every node.
+    order : str
+        Axes that make it, such as ``y, x, z`` in place of x, y and z.
+    """
+
+    as_given: float
+    best: float
+    order: str
+
+
+def moments_toward_neighbours(body: FEModel) -> MomentsToward | None:
+    """Direction of the first moment of the mass at each node, beside that of its neighbours.
 
     A node of a consistent mass with rotations carries a part of each element; its first moment points along the
     element. In reversed rows of a symmetric chain, or rows of another sign or frame, it does not, although every node
-    has its mass.
+    has its mass. With two axes exchanged in the mass alone some of a bent chain still do: then the exchange that puts
+    them back agrees better.
 
     Returns
     -------
-    float or None
+    MomentsToward or None
         None if the mass couples no rotations with translations, or no nodes.
     """
     assert body.nodes is not None
@@ -150,10 +176,6 @@ def moments_toward_neighbours(body: FEModel) -> float | None:
         return None
     R = rigid_body_shapes(body.dofs, body.nodes)
     ids, node = np.unique(body.dofs.node, return_inverse=True)
-    H = np.zeros((ids.size, 3, 3))
-    np.add.at(H, node[turning], R[turning, 3:, None] * np.asarray(body.M @ R[:, :3])[turning, None, :])
-    # The moment of momentum under the velocity v is s x v.
-    s = np.stack([H[:, 2, 1] - H[:, 1, 2], H[:, 0, 2] - H[:, 2, 0], H[:, 1, 0] - H[:, 0, 1]], axis=1) / 2
     M = body.M.tocoo()
     both = moving[M.row] & moving[M.col] & (node[M.row] != node[M.col])
     row, column = M.row[both], M.col[both]
@@ -161,7 +183,42 @@ def moments_toward_neighbours(body: FEModel) -> float | None:
     xyz = body.nodes.xyz[body.nodes.index(ids)]
     around = np.zeros((ids.size, 3))
     np.add.at(around, node[row], shared[:, None] * (xyz[node[column]] - xyz[node[row]]))
-    size, reach = np.linalg.norm(s), np.linalg.norm(around)
-    if reach == 0 or size <= _MOMENT * reach:
+    reach = np.linalg.norm(around)
+
+    def agreement(rows: NDArray[np.int64]) -> float | None:
+        """Of the mass with its rows and columns in another order."""
+        moved = np.empty_like(R[:, :3])
+        moved[rows] = R[:, :3]
+        H = np.zeros((ids.size, 3, 3))
+        np.add.at(H, node[turning], R[turning, 3:, None] * np.asarray(body.M @ moved)[rows][turning, None, :])
+        # The moment of momentum under the velocity v is s x v.
+        s = np.stack([H[:, 2, 1] - H[:, 1, 2], H[:, 0, 2] - H[:, 2, 0], H[:, 1, 0] - H[:, 0, 1]], axis=1) / 2
+        if reach == 0 or np.linalg.norm(H) <= _MOMENT * reach:
+            return None
+        return float(np.sum(s * around) / (max(np.linalg.norm(s), _MOMENT * np.linalg.norm(H)) * reach))
+
+    as_given = agreement(np.arange(body.n))
+    if as_given is None:
         return None
-    return float(np.sum(s * around) / (size * reach))
+    found = {"x, y, z": as_given}
+    if as_given < _AGREES:
+        for order in list(permutations(range(3)))[1:]:
+            found[", ".join("xyz"[k] for k in order)] = max(
+                agreement(rows) or 0.0 for rows in _exchanged(body, order, (moving, moving | turning))
+            )
+    best = max(found, key=lambda each: found[each])
+    return MomentsToward(as_given, found[best], best)
+
+
+def _exchanged(
+    body: FEModel, order: tuple[int, ...], kinds: Iterable[NDArray[np.bool_]]
+) -> Iterator[NDArray[np.int64]]:
+    """Order of the rows with the axes of every node exchanged, for dofs of each kind; nodes that lack an axis stay."""
+    node, component = body.dofs.node, body.dofs.component
+    first = (component - 1) // 3 * 3
+    other = first + 1 + np.array(order)[(component - 1) % 3]
+    to = body.dofs.rows(node, other)
+    _, of = np.unique(node * 2 + first // 3, return_inverse=True)
+    whole = np.bincount(of, weights=to >= 0)[of] == 3
+    for kind in kinds:
+        yield np.where(kind & whole, to, np.arange(body.n))

@@ -297,7 +297,7 @@ def test_motions_without_energy_beyond_the_rigid_ones_are_a_note(tmp_path: Path)
 
 
 @pytest.mark.parametrize("cards", [[], bar_cards([(1, 2), (2, 3), (3, 4)])], ids=["grids", "deck"])
-@pytest.mark.parametrize("letters", ["reversed", "sign of rotations", "frame"])
+@pytest.mark.parametrize("letters", ["reversed", "sign of rotations", "frame", "exchanged", "askew"])
 def test_a_mass_whose_moments_point_away_from_the_neighbours_is_not_proven(
     tmp_path: Path, cards: list[str], letters: str
 ) -> None:
@@ -305,7 +305,12 @@ def test_a_mass_whose_moments_point_away_from_the_neighbours_is_not_proven(
     straight = frame("part", [[0.4 * k, 0, 0] for k in range(4)], [(1, 2), (2, 3), (3, 4)])
     turn = sp.kron(sp.eye_array(2 * 4), np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), format="csc")
     sign = sp.diags_array(np.where(body.dofs.component > 3, -1.0, 1.0), format="csc")
+    # Bars at 45 degrees to x and y leave no moment that turns about an axis, and some for each if they are bent.
+    askew = frame("part", [[0.4 * k, 0.4 * k, 0] for k in range(4)], [(1, 2), (2, 3), (3, 4)])
+    swap = sp.kron(sp.eye_array(4), np.eye(6)[[1, 0, 2, 3, 4, 5]], format="csc")
     body, M = {
+        "exchanged": (body, sp.csc_array(swap @ body.M @ swap.T)),
+        "askew": (askew, sp.csc_array(swap @ askew.M @ swap.T)),
         "reversed": (straight, permuted(straight.M, straight, {1: 4, 2: 3, 3: 2, 4: 1})),
         "sign of rotations": (straight, sp.csc_array(sign @ straight.M @ sign)),
         "frame": (body, sp.csc_array(turn @ body.M @ turn.T)),
