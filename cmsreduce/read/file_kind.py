@@ -120,6 +120,13 @@ _MARKS = (
         "compressed", "a compressed file", _starts(b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf"), _UNPACK
     ),
     _Mark("tar", "a tar archive", lambda head: head[257:262] == b"ustar", _UNPACK),
+    _Mark("utf-16", "a text in UTF-16", _starts(b"\xff\xfe", b"\xfe\xff"), "save it as UTF-8"),
+    _Mark(
+        "git-lfs",
+        "a pointer of Git LFS in place of the file",
+        _starts(b"version https://git-lfs.github.com/spec/"),
+        "fetch the file: `git lfs pull`",
+    ),
     _Mark("picture", "a picture", _starts(b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")),
     _Mark("pdf", "a PDF document", _starts(b"%PDF")),
     _Mark("office", "a document of an office program", _starts(b"\xd0\xcf\x11\xe0")),

@@ -181,10 +181,15 @@ def is_med(path: Path) -> bool:
 
 
 def read_text(path: Path, subject: str = "") -> str:
-    """Text of a file, as UTF-8; other bytes become replacement characters. Parameters and error as of ``read_head``."""
+    """Text of a file, as UTF-8; other bytes become replacement characters. Parameters and error as of ``read_head``.
+
+    A text that is marked as UTF-16, as a shell of Windows writes it, is read as that.
+    """
     _record(path)
     try:
-        return path.read_text(encoding="utf-8", errors="replace")
+        with path.open("rb") as file:
+            wide = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        return path.read_text(encoding="utf-16" if wide else "utf-8-sig", errors="replace")
     except OSError as error:
         raise ReadError(f"{subject or f'{path}:'} cannot be read: {error.strerror or error}") from error
 

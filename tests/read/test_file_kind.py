@@ -64,6 +64,8 @@ CONTENT = {
     "f06": b"1\n \n      * * *  N A S T R A N  * * *\nGRID     1     0.   0.   0.\n",
     "gzip": gzip.compress(b"BEGIN BULK\nGRID,1,,0.,0.,0.\n"),
     "zip": zipped("body.bdf"),
+    "utf-16": "1 1 2.0\n1 2 -1.0\n".encode("utf-16"),
+    "git-lfs": b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
     "picture": b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR",
     "petsc": np.array([1211216, 2, 2, 3], dtype=">i4").tobytes(),
     "harwell-boeing": HARWELL_BOEING.encode(),

@@ -81,6 +81,15 @@ def test_dof_list_beside_gives_labels_and_size(tmp_path: Path) -> None:
     assert given.dofs.labels == ["1.1", "1.2", "1.3"]
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_dof_list_of_a_windows_program(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "body.sti"
+    path.write_text(lines(np.triu(K)))
+    (tmp_path / "body.dof").write_bytes("7.1\r\n7.2\r\n9.1\r\n".encode(encoding))
+    found = read_matrix(path).dofs
+    assert found is not None and found.labels == ["7.1", "7.2", "9.1"]
+
+
 def test_dof_list_that_does_not_fit(tmp_path: Path) -> None:
     path = tmp_path / "body.sti"
     path.write_text(lines(np.triu(K)))
