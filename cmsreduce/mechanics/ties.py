@@ -190,7 +190,7 @@ def _transformation(
     by_point : (gone, 6) and by_rest : (gone, rest) give the motion of the rows that go, for unit motions of the point
     and of the rows ``rest``.
     """
-    stay = np.setdiff1d(np.arange(n), gone)
+    stay = np.delete(np.arange(n), gone)
     place = np.full(n, -1)
     place[stay] = np.arange(stay.size)
     columns = np.concatenate([stay.size + np.arange(6), place[rest]])
@@ -205,7 +205,7 @@ def _transformation(
 def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str, point: Nodes) -> FEModel:
     """The body in the new dofs x'."""
     assert body.nodes is not None
-    stay = np.setdiff1d(np.arange(body.n), gone)
+    stay = np.delete(np.arange(body.n), gone)
     place = np.full(body.n, -1)
     place[stay] = np.arange(stay.size)
     every, dofs = body.recovery, body.dofs[stay].joined(DofTable(np.repeat(point.id, 6), _SIX))

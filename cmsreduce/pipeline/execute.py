@@ -88,12 +88,14 @@ def execute(
         run.makes_reference = "verify" in due and run.pipeline.verify is not None and run.has_response
         for name in run.flexible_names:
             run.flexible(name)
+        # The body that was read last comes first: its factor, which its proof made, may still be in memory.
+        latest = run.reduced_names[::-1]
         # Orthogonalise runs reduce itself, and only where it is not finished.
         if "orthogonalise" in due:
-            for name in run.reduced_names:
+            for name in latest:
                 run.modal(name)
         elif "reduce" in due:
-            for name in run.reduced_names:
+            for name in latest:
                 run.reduced(name)
         if "balance" in due:
             _ = run.choice, run.sensitivity

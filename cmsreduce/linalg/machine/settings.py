@@ -12,6 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from functools import partial
+from operator import is_
 from pathlib import Path
 from typing import Any, Literal
 
@@ -47,8 +49,8 @@ _BASIS_SHARE = 0.1
 # Bytes of the orders in memory: a body has five, of itself and of its parts, and all bodies are read before one is
 # reduced. 60 bodies of 1e5 dofs, or 20 of 3e5, have that much.
 _ORDERS = 2**28
-# Share of the factor's memory that factors of earlier steps may take together.
-_KEPT_SHARE = 1 / 16
+# Share of the factor's memory that factors of earlier steps may take together. They go where a new one needs theirs.
+_KEPT_SHARE = 1 / 4
 # With fewer rows a second thread costs more than it saves.
 _FEW_ROWS = 4096
 
@@ -101,11 +103,15 @@ class KnownFactors:
 
         A factor that holds another one, ``inner``, is kept as long as that one is.
         """
-        if size <= _KEPT_SHARE * limit:
+        self.make_room(size, limit)
+        if size <= _KEPT_SHARE * limit and (inner is None or inner in self):
             self._factors[_digest(entries)] = factor, size, inner
-            while sum(size for _, size, _ in self._factors.values()) > _KEPT_SHARE * limit:
-                gone = self._factors.pop(next(iter(self._factors)))[0]
-                self._factors = {key: kept for key, kept in self._factors.items() if kept[2] is not gone}
+
+    def make_room(self, size: float, limit: float) -> None:
+        """Drop the oldest factors until one of ``size`` bytes may be kept beside others; none if it is too large."""
+        most = _KEPT_SHARE * limit
+        while size <= most < size + sum(kept[1] for kept in self._factors.values()):
+            self.drop(partial(is_, next(iter(self._factors.values()))[0]))
 
     def drop(self, unwanted: Callable[[Any], bool]) -> None:
         """Drop some factors, and those that hold them."""

@@ -96,8 +96,8 @@ def factorise(
     what : str
         Name of the matrix in error messages.
     kept : bool
-        Whether a later step asks for this factor again: it is kept if it takes a small share of the memory, or lies in
-        a file.
+        Whether a later step asks for this factor again: it is kept if it takes a quarter of the memory at most, or lies
+        in a file.
     solves : bool
         False if only the number of negative pivots of a matrix that need not be definite is asked for: a large factor
         then takes little memory.
@@ -123,7 +123,7 @@ def factorise(
     if kept and (known := settings.factors.find(entries)) is not None:
         return cast(Factor, known)
     backend = _backend(settings.backend, max(A.shape[0], whole))
-    started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
+    started, admit = time.perf_counter(), _admission(settings, what, A.shape[0], kept)
     factor, refused, precision = None, None, ""
     for precision_tried, kind in _kinds(backend, settings, definite, solves):
         try:
@@ -297,9 +297,15 @@ _DOUBLE: dict[str, _Kind] = {
 }
 
 
-def _admission(settings: SolverSettings, what: str, n: int) -> Admit:
+def _admission(settings: SolverSettings, what: str, n: int, kept: bool) -> Admit:
     def admit(cost: FactorCost) -> None:
         limit = settings.memory_limit
+        if kept:
+            # Before it is made, so that both are never in memory.
+            settings.factors.make_room(cost.bytes, limit)
+        if cost.bytes > limit:
+            settings.factors.drop(lambda _: True)
+            limit = settings.memory_limit
         if cost.bytes > limit:
             raise InsufficientMemoryError(
                 f"{what} ({n} rows): its factor has {cost.nnz:.3g} entries and needs {cost.bytes / 2**30:.3g} GiB, "

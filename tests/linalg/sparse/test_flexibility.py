@@ -87,12 +87,14 @@ def test_the_factor_with_its_interface_is_kept_as_long_as_that_of_the_interior()
         assert held_factor(body.K * 2, R, "the mast", rows)[2] is not first
         assert held_factor(body.K, R, "the mast", rows[:6])[2] is not first
     known, (a, b, c) = KnownFactors(), ([np.array([number])] for number in range(3))
-    known.store(a, "interior", 60, 1600)
-    known.store(b, "whole", 10, 1600, "interior")
+    known.store(a, "interior", 60, 400)
+    known.store(b, "whole", 10, 400, "interior")
     assert known.find(b) == "whole" and "interior" in known
     # Without its interior it would still hold the memory of it.
-    known.store(c, "another", 50, 1600)
+    known.store(c, "another", 50, 400)
     assert (known.find(a), known.find(b), known.find(c)) == (None, None, "another")
+    known.store(b, "whole", 60, 400, "another")
+    assert known.find(b) is None and known.find(c) is None
 
 
 def test_an_interface_of_six_dofs_holds_the_body_alone():

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.linalg import sparse
-from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, settings, solver_settings
 from cmsreduce.linalg.sparse import determinate_dofs, factorise, part, share_order
 
 
@@ -68,8 +68,16 @@ def test_a_kept_factor_is_found_for_the_same_matrix_and_for_no_other(large):
 
 def test_factors_beyond_their_share_of_the_memory_are_not_kept(large):
     size = factorise(large).cost.bytes
-    with solver_settings(SolverSettings(memory=10 * size)):
+    with solver_settings(SolverSettings(memory=3 * size)):
         assert factorise(large, kept=True) is not factorise(large, kept=True)
+
+
+def test_kept_factors_leave_their_memory_to_new_ones(large, monkeypatch):
+    with solver_settings(SolverSettings()) as current:
+        first = factorise(large, kept=True)
+        monkeypatch.setattr(settings, "available_memory", lambda: 0.0 if first in current.factors else 1e12)
+        factorise(sp.csc_array(large * 2))
+        assert first not in current.factors
 
 
 def test_determinate_dofs_depend_on_the_span_alone():
