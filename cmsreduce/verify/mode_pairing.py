@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
-import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.model import DampedPairs
@@ -119,10 +117,11 @@ def closest_pairs(distance: Array) -> tuple[Indices, Indices]:
         Members of the first list, ascending, and their partners in the second. Of pairings with equal sums, the one
         that follows the order of both lists is chosen: ascending with ascending.
     """
+    # Imported here because it takes 60 ms, and few runs need it.
+    from scipy.optimize import linear_sum_assignment
+
     apart = np.subtract.outer(np.arange(distance.shape[0]), np.arange(distance.shape[1])) ** 2
-    largest = distance.max(initial=0.0) or 1.0
-    # A zero would be no edge of the graph. The assignment of scipy.optimize, an import of 0.2 s, finds the same pairs.
-    i, j = csgraph.min_weight_full_bipartite_matching(sp.csr_array(largest + distance + _TIE * largest * apart))
+    i, j = linear_sum_assignment(distance + _TIE * (distance.max(initial=0.0) or 1.0) * apart)
     return np.asarray(i, dtype=np.int64), np.asarray(j, dtype=np.int64)
 
 
