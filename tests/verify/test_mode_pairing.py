@@ -110,6 +110,13 @@ def test_equal_sums_follow_the_order_of_both_lists(seed):
     assert i.tolist() == j.tolist() == list(range(6))
 
 
+def test_hundreds_of_frequencies_are_paired():
+    """Distances on a line have many pairings with nearly equal sums, among which some algorithms never end."""
+    a, b = (np.sort(np.random.default_rng(seed).random(300)) for seed in (1, 2))
+    i, j = closest_pairs(abs(a[:, None] - b))
+    assert i.tolist() == j.tolist() == list(range(300))
+
+
 @pytest.mark.parametrize("order", [[0, 1], [1, 0]], ids=str)
 def test_of_mirror_images_the_first_gets_the_only_partner(order):
     shifts = zero_shifts(np.array([3.0, -3.0], complex)[order], np.array([3.0j]), (1.0, 10.0))
