@@ -312,6 +312,9 @@ def _significant(model: FlexibilityModel, omega: Real, allowed: float) -> Real:
     omega = omega[~model.hits(omega)]
     q = model.residual.load.shape[0]
     gathered = np.zeros((q, q))
+    if not q:
+        # Nothing is outside the shapes: they are all modes of the body.
+        return gathered
     for part in frequency_blocks(omega.size, model.bytes_each):
         found = model(omega[part])
         inaccurate = found.error > allowed
@@ -319,8 +322,6 @@ def _significant(model: FlexibilityModel, omega: Real, allowed: float) -> Real:
         r = found.residual[inaccurate] * np.sqrt(weight)[:, None, :]
         r = np.moveaxis(r, 1, 0).reshape(q, -1)
         gathered += r.real @ r.real.T + r.imag @ r.imag.T
-    if not q:
-        return gathered
     weight, directions = la.eigh(gathered)
     return np.asarray(directions[:, weight > _SIGNIFICANT**2])
 

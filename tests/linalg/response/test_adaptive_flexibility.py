@@ -47,6 +47,15 @@ def test_end_of_a_held_chain():
     np.testing.assert_allclose(found.Y[:, 0, 0], expected, rtol=1e-6)
 
 
+def test_a_band_above_all_modes_of_a_body():
+    """All modes are shapes, so that nothing of the loads is left outside them."""
+    K, M = chain(30)
+    loss, w, loads = sp.csc_array(0.01 * K), np.linspace(0.01, 50.0, 300), np.eye(30)
+    found = adaptive_flexibility(DynamicStiffness(K, M, loss=loss), loads, w, rigid=np.empty((30, 0)))(w)
+    expected = [np.linalg.inv(((1 + 0.01j) * K - each**2 * M).toarray()) for each in w]
+    np.testing.assert_allclose(found.Y, expected, atol=1e-9 * abs(np.array(expected)).max())
+
+
 def test_end_of_a_free_chain_far_below_its_first_mode():
     """Elastic part: (sin N t - sin (N-1) t) / (2 k' sin N t (cos t - 1)) without its rigid part -1/(N m w^2)."""
     n, eta = 700, 0.01
