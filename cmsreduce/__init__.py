@@ -111,15 +111,17 @@ _HOME = {name: f"cmsreduce.{module}" for module, names in _MODULES.items() for n
 if not TYPE_CHECKING:
 
     def __getattr__(name):
+        from importlib import import_module
+
         # Looking the version up takes longer than all else that a command needs to start.
         if name == "__version__":
             from importlib.metadata import version
 
             return version("cmsreduce")
         if name not in _HOME:
-            raise AttributeError(f"module 'cmsreduce' has no attribute '{name}'")
-        from importlib import import_module
-
+            # With the module, Python adds the name that was meant.
+            message = f"module 'cmsreduce' has no attribute '{name}'"
+            raise AttributeError(message, name=name, obj=import_module("cmsreduce"))
         return getattr(import_module(_HOME[name]), name)
 
 

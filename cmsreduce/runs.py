@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from cmsreduce.errors import SceneError, StageError, not_among, optional_library
+from cmsreduce.errors import ConfigError, SceneError, StageError, not_among, optional_library
 from cmsreduce.model import ERRORS, MultibodyScene, RunResult, Verdict
 from cmsreduce.models_in_memory import AssembledSystem, Component
 from cmsreduce.pipeline import STAGES, Run, execute
@@ -201,6 +201,8 @@ def run(
     """
     if until is not None and until not in STAGES:
         raise StageError(not_among("stage", until, STAGES))
+    if not isinstance(set or {}, Mapping):
+        raise ConfigError(f"set: {set!r} is not a mapping of key to value, such as {{'reduce.cutoff': 3}}")
     overrides = [f"{key}={json.dumps(value, default=_plain)}" for key, value in (set or {}).items()]
     with (
         Output(quiet=not progress, verbose=progress).watch() as listener,

@@ -214,6 +214,8 @@ def test_a_component_is_written_and_read(tmp_path, beams):
     [
         (lambda c: cms.run(PIPELINE, until="balanse"), "no stage 'balanse', did you mean 'balance'"),
         (lambda c: cms.run(PIPELINE, set={"reduce.cutof": 2}), "reduce.cutof=2: key 'reduce.cutof' is unknown"),
+        (lambda c: cms.run(PIPELINE, set="reduce.cutoff=2"), "'reduce.cutoff=2' is not a mapping of key to value"),
+        (lambda c: cms.CraigBampton(cutoff_hz=-1), "CraigBampton: the cutoff is -1 Hz"),
         (lambda c: c.shapes("hing"), "no interface 'hing', did you mean 'hinge'"),
         (lambda c: c.shapes(7), "body 'right': its geometry has no node 7"),
         (lambda c: cms.balance(c, "gregoy"), "did you mean 'gregory'"),
@@ -233,6 +235,7 @@ def test_a_mistake_is_named(beams, mistake, said):
 
 def test_results_show_themselves_in_one_line(run, beams):
     shown = [run, run.work, run.system(), run.components["right"], beams["right"]]
+    assert repr(cms.CraigBampton(cutoff_hz=20, damped=True)) == "CraigBampton(cutoff_hz=20, damped=True)"
     assert all(len(repr(each)) < 200 and "\n" not in repr(each) for each in shown)
     told = repr(run)
     assert told.startswith("<FinishedRun hub_beams: PASS, frf_error 1.68e-05, 19 modes kept, 1 configurations, in ")

@@ -160,11 +160,11 @@ def _numbered(stored: list[StoredMatrix]) -> list[StoredMatrix]:
 
 
 def _choose(path: Path, stored: list[StoredMatrix], wanted: str | None, format: MatrixFormat) -> StoredMatrix:
-    """The matrix of a name, or the only one."""
+    """The matrix of a name, or the only one; an empty name is none."""
     usable = [one for one in stored if one.usable]
     names = [one.name for one in usable]
     listed = ", ".join(names)
-    if wanted is None:
+    if not wanted:
         if len(usable) == 1:
             return usable[0]
         if not usable:

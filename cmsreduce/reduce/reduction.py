@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.errors import MatrixError
+from cmsreduce.errors import ConfigError, MatrixError
 from cmsreduce.linalg.blocks import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import (
@@ -85,8 +85,13 @@ class Reduction(ABC):
     method: ClassVar[str]
 
     def __init__(self, cutoff_hz: float, *, damped: bool = False) -> None:
+        if not cutoff_hz >= 0:
+            raise ConfigError(f"{type(self).__name__}: the cutoff is {cutoff_hz} Hz; give a frequency of zero or more")
         self.cutoff_hz, self.damped = cutoff_hz, damped
         self._free: ModalComponent | None = None
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(cutoff_hz={self.cutoff_hz:g}{', damped=True' if self.damped else ''})"
 
     def counted_by(self, free: ModalComponent) -> Self:
         """The same mode set, whose modes are counted by certified free modes of the body where these decide it."""
