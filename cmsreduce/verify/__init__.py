@@ -30,6 +30,7 @@ from cmsreduce.verify.constant_loads import (
 )
 from cmsreduce.verify.controller_stability import controller_response, open_loop, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
+from cmsreduce.verify.frequency_grids import decibel_grid, frequency_grid, thinned
 from cmsreduce.verify.input_rounding import frequency_error_bars, rigid_motions_proof
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
@@ -67,9 +68,7 @@ from cmsreduce.verify.response_error import (
     channel_scales,
     db_error,
     db_errors,
-    decibel_grid,
     frac,
-    frequency_grid,
     frf_error,
     loud_channels,
     peak_errors,
@@ -145,6 +144,7 @@ __all__ = [
     "step_errors",
     "step_response",
     "stiffness_contrast",
+    "thinned",
     "visible_modes",
     "zero_shifts",
     "zeros_below",

@@ -1,4 +1,4 @@
-"""Errors of a reduced model's frequency response, and the frequencies at which two models are compared."""
+"""Errors of a reduced model's frequency response."""
 
 from __future__ import annotations
 
@@ -15,13 +15,10 @@ __all__ = [
     "channel_scales",
     "db_error",
     "db_errors",
-    "decibel_grid",
     "frac",
-    "frequency_grid",
     "frf_error",
     "responding_channels",
     "loud_channels",
-    "lowest_frequency",
     "peak_errors",
     "peak_shifts",
 ]
@@ -29,18 +26,6 @@ __all__ = [
 Response = NDArray[np.complex128]
 Array = NDArray[np.float64]
 
-# A band that starts at zero is compared over this number of decades: below, only rigid motion remains.
-_DECADES = 3.0
-# Distances from a resonance, in half-power half-widths zeta w, from well inside the peak to well outside.
-_OFFSETS = np.concatenate([[0.0], np.geomspace(0.05, 5000.0, 48)])
-_OUTSIDE = 40.0
-# Flanks of a sharper peak are refined further, to this share of its frequency, where the grid itself is fine enough.
-_FLANK = 0.05
-# Width given to the peak of a mode without damping, and the damping ratio up to which it has none but rounding.
-_NO_DAMPING = 1e-4
-_DAMPED = 1e-10
-# Points of the fixed grid of the decibel error.
-_DECIBEL_POINTS = 1000
 # A channel whose elastic response is below this share of its rigid one is round-off of the subtraction.
 _ROUND_OFF = 1e-10
 # A channel 120 dB below the strongest of its unit cannot be seen beside it.
@@ -55,49 +40,6 @@ _SEEN = 1e-3
 # A peak lies off its resonance by zeta^2, more where the slope of other modes tilts it; further off, it belongs to a
 # mode without a partner.
 _NEAR = 0.02
-
-
-def lowest_frequency(band: tuple[float, float]) -> float:
-    """Lowest frequency compared, in Hz: the band's own, or three decades below its top if that is zero."""
-    return band[0] if band[0] > 0 else float(band[1] / 10**_DECADES)
-
-
-def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: Array, coarse: int = 1) -> Array:
-    """Logarithmic grid over the band, refined at every resonance, so that no peak is missed.
-
-    Parameters
-    ----------
-    band : (float, float)
-        In Hz.
-    points : int
-        Points before refinement.
-    omega, zeta : (k,) float64
-        Resonances of both models in rad/s, and their damping ratios.
-    coarse : int
-        One in so many points around each resonance is taken.
-
-    Returns
-    -------
-    (f,) float64
-        Circular frequencies in rad/s, ascending.
-    """
-    low, high = lowest_frequency(band), band[1]
-    grid = [2 * np.pi * np.geomspace(low, high, points)]
-    damped = zeta > _DAMPED
-    width = np.where(damped, zeta, _NO_DAMPING) * omega
-    offsets = np.concatenate([_OFFSETS[:1], _OFFSETS[1::coarse]])
-    offsets = offsets if damped.all() else offsets[1:]
-    distance = width[:, None] * offsets
-    near = (offsets <= _OUTSIDE) | (distance <= _FLANK * omega[:, None])
-    for sign in (-1.0, 1.0):
-        grid.append((omega[:, None] + sign * distance)[near])
-    w = np.unique(np.concatenate(grid))
-    return w[(w >= 2 * np.pi * low * (1 - 1e-12)) & (w <= 2 * np.pi * high * (1 + 1e-12))]
-
-
-def decibel_grid(band: tuple[float, float]) -> Array:
-    """Fixed logarithmic grid of 1000 circular frequencies in the band, rad/s."""
-    return 2 * np.pi * np.geomspace(lowest_frequency(band), band[1], _DECIBEL_POINTS)
 
 
 def channel_scales(

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cmsreduce.verify import decibel_grid, frequency_grid
-from cmsreduce.verify.response_error import lowest_frequency
+from cmsreduce.verify import decibel_grid, frequency_grid, thinned
+from cmsreduce.verify.frequency_grids import lowest_frequency
 
 
 def power(w: np.ndarray, w0: float, zeta: float) -> np.ndarray:
@@ -59,3 +59,28 @@ def test_decibel_grid(band, low):
     assert w.size == 1000 and lowest_frequency(band) == pytest.approx(low)
     np.testing.assert_allclose(w[[0, -1]], 2 * np.pi * np.array([low, 10.0]))
     np.testing.assert_allclose(np.diff(np.log(w)), np.log(10 / low) / 999, rtol=1e-9)
+
+
+@pytest.mark.parametrize("points", [50, 400])
+@pytest.mark.parametrize("zeta", [1e-4, 0.005, 0.03])
+def test_thinned_grids_integrate_as_all_points_do(zeta: float, points: int) -> None:
+    """Two models whose resonances nearly meet, against twenty times as many points."""
+    rng = np.random.default_rng(3)
+    omega = 2 * np.pi * np.sort(rng.uniform(0.05, 9.0, 30))
+    omega_r = omega * (1 + 3 * zeta * rng.standard_normal(30))
+    weights = rng.standard_normal(30)
+
+    def response(w: np.ndarray, modes: np.ndarray) -> np.ndarray:
+        return (weights / (modes**2 - w[:, None] ** 2 + 2j * zeta * modes * w[:, None])).sum(axis=1)
+
+    def error(w: np.ndarray) -> float:
+        H, H_r = response(w, omega), response(w, omega_r)
+        return np.sqrt(np.trapezoid(abs(H - H_r) ** 2, w) / np.trapezoid(abs(H) ** 2, w))
+
+    both = np.concatenate([omega, omega_r]), np.full(60, zeta)
+    grid = frequency_grid((0.0, 10.0), points, *both)
+    few = thinned(grid, *both, points)
+    assert few.size < 0.7 * grid.size and np.isin(few, grid).all()
+    assert np.diff(few).max() <= 2.1 * np.diff(grid).max()
+    every = np.unique(np.concatenate([grid + k / 20 * np.diff(grid, append=grid[-1]) for k in range(20)]))
+    assert error(few) == pytest.approx(error(every), rel=0.005)

@@ -31,6 +31,7 @@ from cmsreduce.verify import (
     frequency_grid,
     frf_error,
     responding_channels,
+    thinned,
 )
 
 __all__ = ["Comparison"]
@@ -43,8 +44,6 @@ Complex = NDArray[np.complex128]
 _TOGETHER = 16
 # Reference responses on the decibel grid are kept up to this size.
 _KEPT_BYTES = 2**27
-# Points nearer than this share of a resonance's half-width add nothing to an integral over it.
-_THINNING = 0.02
 # One in so many points around a resonance is taken where an error needs two digits: it differs by a few per cent.
 _COARSE = 3
 # Frequencies of the grid of the decibel error at which the elastic response of a channel is looked for.
@@ -106,7 +105,7 @@ class Comparison:
         omega = np.concatenate([r.omega for r in found])
         zeta = np.concatenate([r.zeta for r in found])
         grid = frequency_grid(self.scene.band, self.points, omega, zeta, _COARSE if quick else 1)
-        return _thinned(grid, omega, zeta)
+        return thinned(grid, omega, zeta, self.points)
 
     def errors(
         self, models: Mapping[str, ReducedModel], progress: Progress, *, damped: bool = True
@@ -152,25 +151,36 @@ class Comparison:
         """Reference responses on grids refined at the resonances of the reference model and of one reduced model."""
         grids = [self.grid(configuration, [model], quick=quick) for configuration in configurations]
         full = self.reference.responses(configurations, grids)
-        return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
+        # Every reduced model keeps the rigid modes: where the modes of the reference model are not needed, nor are its
+        # matrices.
+        rigid = model.assembled if quick else self.reference
+        return tuple(self._target(*each, rigid) for each in zip(configurations, grids, full, strict=True))
 
     def target(self, configuration: Configuration, omega: Real) -> Target:
         """Reference response in a configuration, of the scene or not, on a grid."""
-        return self._target(configuration, omega, self.reference.response(configuration, omega))
+        return self._target(configuration, omega, self.reference.response(configuration, omega), self.reference)
 
-    def _target(self, configuration: Configuration, omega: Real, H: Complex) -> Target:
-        rigid = self.reference.rigid_response(configuration, omega)
-        responding, _ = self.responding(configuration)
+    def _target(self, configuration: Configuration, omega: Real, H: Complex, of_rigid: AssembledModel) -> Target:
+        rigid = of_rigid.rigid_response(configuration, omega)
+        responding, _ = self.responding(configuration, of_rigid)
         elastic = np.where(responding, H - rigid, 0.0)
         row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)
         return Target(configuration, omega, elastic, rigid, row, column, responding)
 
+    def responding(
+        self, configuration: Configuration, of_rigid: AssembledModel | None = None
+    ) -> tuple[NDArray[np.bool_], Real]:
+        """Channels with an elastic response, and the reach of all at the frequencies ``few``.
+
+        The rigid part is that of the reference model, or of a reduced one, which is the same.
+        """
+        H, reach = self._at_few(configuration)
+        rigid = (of_rigid or self.reference).rigid_response(configuration, self.few)
+        return responding_channels(H - rigid, reach), reach
+
     @once
-    def responding(self, configuration: Configuration) -> tuple[NDArray[np.bool_], Real]:
-        """Channels with an elastic response, and the reach of all at the frequencies ``few``."""
-        tables = self.reference.at(configuration).tables(self.few)
-        H, reach = self.reference.collocated(configuration, self.few, tables)
-        return responding_channels(H - self.reference.rigid_response(configuration, self.few), reach), reach
+    def _at_few(self, configuration: Configuration) -> tuple[Complex, Real]:
+        return self.reference.collocated(configuration, self.few, self.reference.at(configuration).tables(self.few))
 
     def candidate_error(self, model: ReducedModel) -> float:
         """Worst response error of a reduced model over all configurations, on grids of its own."""
@@ -251,7 +261,7 @@ class Comparison:
         full = self.reference.responses(configurations, grids)
         self.reference_seconds += time.perf_counter() - started
         full_db = self.decibels(self.reference, configurations)
-        targets = [self._target(*each) for each in zip(configurations, grids, full, strict=True)]
+        targets = [self._target(*each, self.reference) for each in zip(configurations, grids, full, strict=True)]
         errors: list[dict[str, ModelErrors]] = [{} for _ in configurations]
         curves: list[dict[str, Complex]] = [{} for _ in configurations]
         for number, (label, model) in enumerate(models.items()):
@@ -319,17 +329,3 @@ class Comparison:
             # A search, its last proof and the verification need them.
             self._decibels = both
         return [both[each.name] for each in configurations]
-
-
-def _thinned(grid: NDArray[np.float64], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Drop points where resonances of both models, or of a cluster, lie close together."""
-    if not omega.size:
-        return grid
-    order = np.argsort(omega)
-    nearest = np.clip(np.searchsorted(omega[order], grid), 0, omega.size - 1)
-    spacing = _THINNING * np.maximum(zeta[order], 1e-5)[nearest] * grid
-    keep = [0]
-    for k in range(1, grid.size):
-        if grid[k] - grid[keep[-1]] >= spacing[k]:
-            keep.append(k)
-    return grid[keep]

@@ -1,0 +1,98 @@
+"""Frequencies at which two models are compared: refined at their resonances, or the same in every configuration."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["decibel_grid", "frequency_grid", "lowest_frequency", "thinned"]
+
+Array = NDArray[np.float64]
+
+# A band that starts at zero is compared over this number of decades: below, only rigid motion remains.
+_DECADES = 3.0
+# Distances from a resonance, in half-power half-widths zeta w, from well inside the peak to well outside.
+_OFFSETS = np.concatenate([[0.0], np.geomspace(0.05, 5000.0, 48)])
+_OUTSIDE = 40.0
+# Flanks of a sharper peak are refined further, to this share of its frequency, where the grid itself is fine enough.
+_FLANK = 0.05
+# Width given to the peak of a mode without damping, and the damping ratio up to which it has none but rounding.
+_NO_DAMPING = 1e-4
+_DAMPED = 1e-10
+# Points of the fixed grid of the decibel error.
+_DECIBEL_POINTS = 1000
+# Points nearer than this share of a resonance's half-width add nothing to an integral over it.
+_THINNING = 0.02
+# Nor do points nearer to each other than this share of their distance to the nearest resonance: a third of the points
+# of two models less, and the fourth digit of an error of 1 % stays.
+_SMOOTH = 0.1
+
+
+def lowest_frequency(band: tuple[float, float]) -> float:
+    """Lowest frequency compared, in Hz: the band's own, or three decades below its top if that is zero."""
+    return band[0] if band[0] > 0 else float(band[1] / 10**_DECADES)
+
+
+def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: Array, coarse: int = 1) -> Array:
+    """Logarithmic grid over the band, refined at every resonance, so that no peak is missed.
+
+    Parameters
+    ----------
+    band : (float, float)
+        In Hz.
+    points : int
+        Points before refinement.
+    omega, zeta : (k,) float64
+        Resonances of both models in rad/s, and their damping ratios.
+    coarse : int
+        One in so many points around each resonance is taken.
+
+    Returns
+    -------
+    (f,) float64
+        Circular frequencies in rad/s, ascending.
+    """
+    low, high = lowest_frequency(band), band[1]
+    grid = [2 * np.pi * np.geomspace(low, high, points)]
+    damped = zeta > _DAMPED
+    width = np.where(damped, zeta, _NO_DAMPING) * omega
+    offsets = np.concatenate([_OFFSETS[:1], _OFFSETS[1::coarse]])
+    offsets = offsets if damped.all() else offsets[1:]
+    distance = width[:, None] * offsets
+    near = (offsets <= _OUTSIDE) | (distance <= _FLANK * omega[:, None])
+    for sign in (-1.0, 1.0):
+        grid.append((omega[:, None] + sign * distance)[near])
+    w = np.unique(np.concatenate(grid))
+    return w[(w >= 2 * np.pi * low * (1 - 1e-12)) & (w <= 2 * np.pi * high * (1 + 1e-12))]
+
+
+def decibel_grid(band: tuple[float, float]) -> Array:
+    """Fixed logarithmic grid of 1000 circular frequencies in the band, rad/s."""
+    return 2 * np.pi * np.geomspace(lowest_frequency(band), band[1], _DECIBEL_POINTS)
+
+
+def thinned(grid: Array, omega: Array, zeta: Array, points: int) -> Array:
+    """Drop points that lie closer together than the response changes, as where resonances of both models meet.
+
+    Parameters
+    ----------
+    grid : (f,) float64
+        From `frequency_grid`.
+    omega, zeta, points
+        As there.
+    """
+    if not omega.size:
+        return grid
+    order = np.argsort(omega)
+    peaks, half_width = omega[order], np.maximum(zeta[order], 1e-5)
+    # The first resonance from which the next one is not nearer.
+    nearest = np.searchsorted((peaks[1:] + peaks[:-1]) / 2, grid)
+    # Between resonances the response is the smoother the farther they are; the grid before refinement stays.
+    between = np.log(grid[-1] / grid[0]) / points / 2 * grid
+    smooth = np.minimum(_SMOOTH * abs(grid - peaks[nearest]), between)
+    spacing = np.maximum(_THINNING * half_width[nearest] * grid, smooth).tolist()
+    w, keep = grid.tolist(), [0]
+    for k in range(1, grid.size):
+        if w[k] - w[keep[-1]] >= spacing[k]:
+            keep.append(k)
+    return grid[keep]
