@@ -38,6 +38,8 @@ _MORE, _MOST, _MOST_STEPS = 1.3, 1.4, 300
 _HEATS = ((4, 6), (2, 25), (1, 120))
 # Sets with at most this many times a limit are optimised for decibels in the end, by so many steps a round.
 _NEAR, _DECIBEL_STEPS = 3.0, 100
+# Fewer shapes may err less than all modes by chance; where all of them break a limit by this factor, none are sought.
+_HOPELESS = 1.2
 # Distributions between the bodies that are tried for one shape less.
 _SPLITS = 8
 # An error is aimed at this share of its limit, and its weight changes at most by these factors a round and in all.
@@ -148,6 +150,9 @@ class ShapeSearch:
         modes : callable
             Gives numbers of modes of each body that are known to pass, if any: the shapes are never more.
         """
+        every = {name: np.arange(body.count) for name, body in self.scene.bodies.items()}
+        if (all_modes := self.settled(self.directions.modes(every), 0)).judged.worst > _HOPELESS:
+            return all_modes
         best = self.given(self.directions.counts())
         while not best.passes and best.count < self._most:
             best = self.grown(best, max(1, best.count // 4))

@@ -162,6 +162,19 @@ def test_shapes_are_never_more_than_the_modes_that_are_known_to_pass(monkeypatch
     assert found.passes and found.count <= len(passing) < alone.count
 
 
+@pytest.mark.parametrize(("left", "sought"), [(1.3, False), (1.1, True)])
+def test_no_shapes_are_sought_where_all_modes_are_far_from_the_limit(left, sought):
+    """Modes above the cutoff leave an error that no shapes of the others make up for."""
+    scene, error = one_body(18)
+
+    def judge(shapes):
+        found = judged_by(error)(shapes)
+        return Judged(found.frf + left, found.db, found.worst + left)
+
+    found = ShapeSearch(scene, ResponseLimits(0.02, np.inf), judge).smallest()
+    assert (found.count, found.passes) == (10, False) and (found.steps > 0) is sought
+
+
 @pytest.mark.parametrize("damping", DAMPING)
 def test_flexibilities_by_complex_modes_are_inverses(damping):
     rng = np.random.default_rng(12)
