@@ -5,6 +5,7 @@
     python benchmarks/fewer_columns.py --shapes station 26 30    errors of so many scene shapes, at their best
     python benchmarks/fewer_columns.py --shapes station auto    the fewest that the search finds
     python benchmarks/fewer_columns.py --exchanges galileo       all sets with two modes exchanged for another one
+    python benchmarks/fewer_columns.py --beam galileo 30         the best of so many modes by a beam search of the tests
 
 Each takes half a minute of one core, but for scene shapes, which take some minutes a number.
 """
@@ -29,10 +30,13 @@ from cmsreduce.balance import whole_groups  # noqa: E402
 from cmsreduce.linalg.gramian import balancing, semidefinite_root  # noqa: E402
 from cmsreduce.pipeline.system import system_errors  # noqa: E402
 from cmsreduce.verify import db_error, db_errors, decibel_grid, frf_error  # noqa: E402
+from tests.pipeline.greedy import Greedy  # noqa: E402
 
 Real = NDArray[np.float64]
 # Sets are measured if their error is predicted to be no larger than this many times the limit.
 SLACK = 1.2
+# Sets of each size in a beam search, and rounds of exchanges at its end.
+WIDTH, ROUNDS = 16, 2
 
 
 def visible(system: str) -> None:
@@ -69,6 +73,14 @@ def sized(system: str, sizes: list[str]) -> None:
             errors = [each.errors["reduced"] for each in found]
             frf, decibel = max(e.frf_error for e in errors), max(e.db_error for e in errors)
         print(f"{system}, {size} scene shapes: worst frf_error {frf:.2%}, worst db_error {decibel:.2f} dB", flush=True)
+
+
+def beam(system: str, count: int) -> None:
+    """Smallest errors of so many modes, and of one more, by a beam search with algebra of its own, no midpoints."""
+    with tempfile.TemporaryDirectory() as folder:
+        greedy = Greedy(opened(system, Path(folder)), *LIMITS[system])
+        for size, error in sorted(greedy.smallest_errors(count, WIDTH, ROUNDS).items()):
+            print(f"{system}: the best set of {size} modes that a beam search finds has {error:.4f} of a limit")
 
 
 def response(A: Real, B: Real, C: Real, omega: Real) -> NDArray[np.complex128]:
@@ -131,5 +143,7 @@ if __name__ == "__main__":
         balanced(name, [int(each) for each in more])
     elif option == "--exchanges":
         exchanges(name)
+    elif option == "--beam":
+        beam(name, int(more[0]))
     else:
         sized(name, more)

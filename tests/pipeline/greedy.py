@@ -49,9 +49,10 @@ class Sampled:
     loud: np.ndarray
     c: int
 
-    def thinned(self) -> Sampled:
-        """One in so many frequencies."""
-        some = slice(None, None, THINNED)
+    def thinned(self, *, bode: int = THINNED) -> Sampled:
+        """One in so many frequencies, and of those of the decibels one in ``bode``."""
+        silent = self.weight.sum(axis=(1, 2)) == 0
+        some = np.concatenate([np.flatnonzero(~silent)[::THINNED], np.flatnonzero(silent)[::bode]])
         parts = self.Y[some], self.left, self.right, self.Z[some], self.H[some], THINNED * self.weight[some]
         return Sampled(*parts, self.loud, self.c)
 
@@ -174,6 +175,27 @@ class Greedy:
             others = [k for k in range(len(self.modes)) if k not in now]
             now.append(others[int(np.argmin(self.predicted(now, others)))])
         return None
+
+    def smallest_errors(self, count: int, width: int, rounds: int) -> dict[int, float]:
+        """Smallest errors of the sets of so many modes, and of one more, that a beam search finds.
+
+        So many sets are kept of each size, on the way down from all modes, and then in rounds of one mode less and one
+        more: every set of the beam is exchanged with every mode that it lacks.
+        """
+        self.few = [each.thinned(bode=1) for each in self.full]
+        every, beam, smallest = range(len(self.modes)), [frozenset(range(len(self.modes)))], dict[int, float]()
+        for size in [*range(len(self.modes) - 1, count - 1, -1), *(count - 1, count) * rounds]:
+            found: dict[frozenset[int], float] = {}
+            for each in beam:
+                others = [k for k in every if (k in each) is (size < len(each))]
+                for k, ratio in zip(others, self.predicted(sorted(each), others), strict=True):
+                    found[each ^ {k}] = float(ratio)
+            # Wide where sets begin to fail.
+            beam = sorted(found, key=lambda each: found[each])[: width if size <= count + width // 2 else 1]
+            if count <= size <= count + 1:
+                best = min(self.error(sorted(each)) for each in beam[:MEASURED])
+                smallest[size] = min(best, smallest.get(size, np.inf))
+        return smallest
 
     def fewest(self) -> int:
         """Modes of the smaller of both sets."""
