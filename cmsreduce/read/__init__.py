@@ -11,20 +11,16 @@ from cmsreduce.read.differential_stiffness import read_differential_stiffness
 from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect_kind, file_kind
 from cmsreduce.read.files import files_read, sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
-from cmsreduce.read.geometry import read_cells, read_geometry
+from cmsreduce.read.geometry import deck_statement, read_cells, read_geometry
 from cmsreduce.read.inner_grids import with_inner_grids
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, Nearby
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
-    STRAINS,
     BulkDeck,
-    StatedEnergy,
-    StatedMass,
     bars_in_units,
     deck_energy,
     deck_mass,
-    deck_statement,
     read_bars,
     read_bulk,
     read_followers,
@@ -50,6 +46,7 @@ from cmsreduce.read.row_order import (
     prove_row_order,
     quiet_share,
 )
+from cmsreduce.read.stated import STRAINS, StatedEnergy, StatedMass
 from cmsreduce.read.superelement import SuperelementMatrices, superelement_damping, superelement_matrices
 
 __all__ = [

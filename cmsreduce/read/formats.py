@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import DofTable, Nodes
 from cmsreduce.read.labelled_matrix import LabelledMatrix
+from cmsreduce.read.stated import Statement, nothing_stated
 
 __all__ = [
     "CELL_CORNERS",
@@ -215,6 +216,8 @@ class GeometryFormat:
         Elements of a file, for pictures; empty where there are none.
     matrices : str
         How the program writes the matrices that belong to such a file, for messages.
+    states : callable
+        Mass and strain energy that the elements of a file state.
     """
 
     name: str
@@ -223,6 +226,7 @@ class GeometryFormat:
     read: Callable[[Path], Geometry]
     cells: Callable[[Path], Cells]
     matrices: str = "name the file that has the stiffness and the mass"
+    states: Statement = nothing_stated
 
 
 def rows_of_nodes(nodes: Nodes, count: int) -> DofTable:

@@ -8,14 +8,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
+from cmsreduce.model import Nodes
 from cmsreduce.read.file_kind import GEOMETRY_HEAD, file_kind, geometry_format
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
 from cmsreduce.read.mesh import MESH
+from cmsreduce.read.stated import StatedEnergy, StatedMass
 
-__all__ = ["read_cells", "read_geometry"]
+__all__ = ["deck_statement", "read_cells", "read_geometry"]
 
 
 def read_geometry(path: Path) -> Geometry:
@@ -72,6 +75,28 @@ def read_cells(path: Path) -> Cells:
     format = _format_of(path)
     with reading(path, "its elements"):
         return format.cells(path)
+
+
+def deck_statement(
+    path: Path, nodes: Nodes, moving: NDArray[np.bool_]
+) -> tuple[StatedMass | None, StatedEnergy | None]:
+    """Mass and strain energy that the elements and materials of a deck state, from one reading.
+
+    Parameters
+    ----------
+    path : Path
+        File as of ``read_geometry``.
+    nodes : Nodes
+        Its nodes.
+    moving : (N,) bool
+        True for the nodes that have rows; the energy leaves out elements on others.
+
+    Returns
+    -------
+    StatedMass and StatedEnergy, each or None
+        In the units of the deck. None where the file does not state it fully.
+    """
+    return _format_of(path).states(path, nodes, moving)
 
 
 def _format_of(path: Path) -> GeometryFormat:

@@ -3,11 +3,13 @@
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 from click.testing import CliRunner
 
 from cmsreduce.cli import main
@@ -15,11 +17,20 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.mechanics import Tie, places_by_stiffness, tie_nodes
-from cmsreduce.model import rigid_body_shapes
+from cmsreduce.model import FEModel, Proof, rigid_body_shapes
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline import Run, Silent
+from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
+from cmsreduce.pipeline.bodies.deck_agreement import energy_ratios, statement_of
 from cmsreduce.pipeline.drafts import draft_body
-from cmsreduce.read import InterfaceSpec, MatrixSource, prove_row_order, read_body, read_geometry
+from cmsreduce.read import (
+    InterfaceSpec,
+    MatrixSource,
+    prove_mass_order,
+    prove_row_order,
+    read_body,
+    read_geometry,
+)
 from tests.golden.calculix_bodies import BODIES, Deck, body, solve, stiffened
 
 pytestmark = pytest.mark.ccx
@@ -51,6 +62,41 @@ def frequencies(found) -> np.ndarray:
     inverse = la.eigh(M, K + shift * M, eigvals_only=True)[::-1]
     hertz = np.sqrt(np.maximum(1 / inverse[inverse > 1e-9 * inverse[0]] - shift, 0)) / (2 * np.pi)
     return hertz[hertz > 10 * AT_ZERO]
+
+
+def mass_proof(found: FEModel, deck: Path, factor: float) -> Proof:
+    """Proof of the mass times a factor beside a deck."""
+    other = replace(found, M=sp.csc_array(found.M * factor))
+    rows, order = prove_row_order(found), prove_mass_order(found)
+    return prove_body(other, other, statement_of(deck, found), rows, order, definite(found, None)).proofs[2]
+
+
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("name", ["C3D4", "C3D8I", "C3D8R", "C3D10", "C3D6", "C3D15", "C3D20R"])
+def test_the_deck_states_the_mass_of_its_solids(tmp_path, name, held):
+    solve(tmp_path, "bar", body(name, held), matrices=True)
+    found = read(tmp_path)
+    right, stiff = mass_proof(found, tmp_path / "bar.inp", 1.0), statement_of(tmp_path / "bar.inp", found)[1]
+    assert right.state == "proven" and "agree with the deck" in right.remark if not held else right.state != "refuted"
+    for factor, words in ((0.5, "0.5 times that of the deck"), (1e3, "metres against millimetres")):
+        wrong = mass_proof(found, tmp_path / "bar.inp", factor)
+        assert wrong.state == "refuted" and words in wrong.remark
+    assert stiff is not None
+    np.testing.assert_allclose(energy_ratios(found, stiff), 1, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["turned axes", "rigid", "rigid C3D8I", "equation", "tie"])
+def test_the_deck_states_the_mass_of_solids_on_constraints(tmp_path, name):
+    solve(tmp_path, "bar", body(name, held=False), matrices=True)
+    found = read(tmp_path)
+    assert mass_proof(found, tmp_path / "bar.inp", 1.0).state != "refuted"
+    assert "0.5 times that of the deck" in mass_proof(found, tmp_path / "bar.inp", 0.5).remark
+
+
+@pytest.mark.parametrize("name", [name for name in BODIES if name[0] in "SBfbmp"])
+def test_a_deck_of_shells_or_beams_says_nothing(tmp_path, name):
+    solve(tmp_path, "bar", body(name, held=False), matrices=True)
+    assert statement_of(tmp_path / "bar.inp", read(tmp_path)) == (None, None)
 
 
 def digits(name: str) -> float:

@@ -24,6 +24,7 @@ from cmsreduce.pipeline.bodies.nodal_mass import (
     lumps,
     mass_order_by_deck,
     moments_toward_neighbours,
+    nodes_times_deck,
 )
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass
@@ -170,9 +171,16 @@ def _mass(
     wrong = f"{negative} motions have negative energy" if negative else ""
     ordered, evidence = order.status == "proven", order.remark
     if stated is not None:
+        known = stated.nodal_known and (stated.nodal_if_lumped or order.status != "lumped")
         if rows.motions == _ALL_MOTIONS:
             checks += against_deck(stated, body)
-        by_deck = mass_order_by_deck(body, stated.nodal, rows.motions == _ALL_MOTIONS or order.status == "lumped")
+        elif known and (ratio := nodes_times_deck(body, stated.nodal)) is not None:
+            words = ratio_in_words(ratio, ratio) if abs(ratio - 1) > EXACT else ""
+            checks.append(Finding("mass against the deck, of nodes away from supports", abs(ratio - 1), EXACT, words))
+        # Nodes with each other's mass are looked for where the mass as a whole is that of the deck.
+        known &= all(check.passed or not check.name.startswith("mass against the deck") for check in checks)
+        whole = rows.motions == _ALL_MOTIONS or order.status == "lumped"
+        by_deck = mass_order_by_deck(body, stated.nodal, whole) if known else None
         if by_deck is not None:
             checks.append(by_deck)
             if by_deck.passed:
@@ -200,7 +208,7 @@ def _mass(
         return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; compare {_figures(tied)}")
     if negative is None:
         return checks, Proof("mass", "unproven", remark=f"its definiteness is not determined; compare {_figures(tied)}")
-    compared = any("mass against the deck" in check.name for check in checks)
+    compared = any("centre of mass against the deck" in check.name for check in checks)
     deck = "; mass, centre and inertia agree with the deck" if compared else ""
     if not any("same mass" in check.name for check in checks):
         deck += "; the body is held, so that its masses along x, y, z are not compared"

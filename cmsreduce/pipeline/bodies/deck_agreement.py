@@ -177,13 +177,14 @@ def against_deck(stated: StatedMass, body: FEModel) -> list[Finding]:
     Returns
     -------
     list of Finding
-        Relative to the mass, to the largest radius of gyration, and to the largest moment beyond what lumping changes.
+        Relative to the mass, to the largest radius of gyration, and to the largest moment, beyond what lumping and
+        rules of integration change.
     """
     found = rigid_mass_properties(rigid_mass(body))
     mass = float(found.mass.max())
     radius = float(np.sqrt(abs(found.inertia).max() / mass)) if mass > 0 else 0.0
-    away = float(np.linalg.norm(found.cg - stated.centre))
-    off = abs(stated.mass - mass) / mass if mass > 0 else math.inf
+    away = max(float(np.linalg.norm(found.cg - stated.centre)) - stated.shift, 0.0)
+    off = max(abs(stated.mass - mass) - stated.unsure, 0.0) / mass if mass > 0 else math.inf
     beyond = np.maximum(abs(found.inertia - stated.inertia) - stated.lumping, 0.0).max()
     largest = float(max(abs(found.inertia).max(), abs(stated.inertia).max()))
     return [

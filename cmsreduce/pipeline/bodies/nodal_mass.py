@@ -10,10 +10,17 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import symmetric_product
+from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.model import FEModel, Finding, cross_matrix, rigid_body_shapes
 
-__all__ = ["MomentsToward", "exchanges_hidden", "lumps", "mass_order_by_deck", "moments_toward_neighbours"]
+__all__ = [
+    "MomentsToward",
+    "exchanges_hidden",
+    "lumps",
+    "mass_order_by_deck",
+    "moments_toward_neighbours",
+    "nodes_times_deck",
+]
 
 Array = NDArray[np.float64]
 
@@ -21,6 +28,10 @@ Array = NDArray[np.float64]
 _SAME = 1e-3
 # Of a condensed body: masses this different are of another node, if they are this much like those of the other.
 _OTHER, _LIKE = 0.5, 0.2
+# More nodes than this share have one ratio to the deck where no mass is moved to other nodes.
+_MOST = 0.5
+# Force against translation, relative to its parts, of a node that no support holds.
+_FORCE = 1e-6
 # Nodes named in a message.
 _NAMED = 5
 # All pairs of nodes are tried: 600 nodes are 180 000 pairs.
@@ -95,7 +106,7 @@ def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding
     wrong_by, like = (_SAME, _SAME) if whole else (_OTHER, _LIKE)
     off = _apart(found, stated, stated.max(initial=0.0))
     name = "mass of each node against the deck"
-    wrong = np.flatnonzero(off > wrong_by)
+    wrong = np.flatnonzero((off > wrong_by) & (whole or _away_from_supports(body, ids)))
     if not wrong.size:
         return Finding(name, float(off.max(initial=0.0)), _SAME) if whole else None
     wrong = wrong[np.argsort(-off[wrong], kind="stable")][:_MOST_NODES]
@@ -107,9 +118,50 @@ def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding
     return Finding(name, float(off.max()), _SAME, f"{len(exchanged)} nodes have each other's mass: {named}")
 
 
+def nodes_times_deck(body: FEModel, nodal: Array) -> float | None:
+    """Ratio of the masses of a held body's nodes to those of the deck, of nodes that are not next to the supports.
+
+    Parameters
+    ----------
+    body : FEModel
+        As read, with the deck's nodes.
+    nodal : (N,) float64
+        Mass of the deck at each node.
+
+    Returns
+    -------
+    float or None
+        None if these nodes have no ratio in common, or if a node with mass has neither rows nor supports: its mass is
+        at other nodes then.
+    """
+    assert body.nodes is not None
+    ids, P = _momentum(body)
+    at = body.nodes.index(ids)
+    known = ids if body.constrained is None else np.concatenate([ids, body.constrained.node])
+    if not np.isin(np.flatnonzero(nodal), body.nodes.index(known)).all():
+        return None
+    # Along a direction without rows a node shows no mass.
+    whole = (body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3) >= 0).all(axis=1)
+    whole &= _away_from_supports(body, ids) & (abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0))
+    ratio = np.trace(P[whole], axis1=1, axis2=2) / 3 / nodal[at[whole]]
+    most = float(np.median(ratio)) if ratio.size else 0.0
+    return most if (abs(ratio - most) <= _SAME * abs(most)).sum() > _MOST * ratio.size else None
+
+
+def _away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """True for nodes that K couples with no support, which resists translation and takes a part of their momentum."""
+    assert body.nodes is not None
+    T = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
+    force, parts = (abs(A @ shapes).max(axis=1) for A, shapes in ((body.K, T), (absolute(body.K), abs(T))))
+    loud = force > max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * parts
+    return ~np.isin(ids, body.dofs.node[loud])
+
+
 def _apart(found: Array, stated: Array, largest: float) -> Array:
     """Relative difference of masses; one of less than a thousandth of the largest is compared with that."""
-    return np.asarray(abs(found - stated) / np.maximum(np.maximum(found, stated), max(_SAME * largest, 1e-300)))
+    return np.asarray(
+        abs(found - stated) / np.maximum(np.maximum(abs(found), abs(stated)), max(_SAME * largest, 1e-300))
+    )
 
 
 def exchanges_hidden(body: FEModel) -> int | None:

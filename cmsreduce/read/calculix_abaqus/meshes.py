@@ -16,6 +16,7 @@ from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, eleme
 from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
 from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
 from cmsreduce.read.calculix_abaqus.sections import expanded_places
+from cmsreduce.read.calculix_abaqus.statement import input_file_statement
 from cmsreduce.read.files import read_text
 from cmsreduce.read.formats import CELL_CORNERS, Geometry, GeometryFormat, cells_by_kind
 from cmsreduce.read.printed_numbers import coordinate_rounding
@@ -295,4 +296,5 @@ INPUT_FILE = GeometryFormat(
     _read_input,
     lambda path: cells_by_kind(_input_cells(path)),
     "CalculiX writes them as .sti and .mas (*FREQUENCY, SOLVER=MATRIXSTORAGE), Abaqus as .mtx (*MATRIX GENERATE)",
+    input_file_statement,
 )

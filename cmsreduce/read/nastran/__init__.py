@@ -7,8 +7,8 @@ The proof that rows and geometry fit together belongs in `read.row_order`.
 from cmsreduce.read.nastran.bars import bars_in_units, read_bars, read_members
 from cmsreduce.read.nastran.bulk import BULK_DATA, EXTERNAL_SUPERELEMENT, SET_NAMES, BulkDeck, read_bulk
 from cmsreduce.read.nastran.cards import texts_kept
-from cmsreduce.read.nastran.deck_energy import STRAINS, StatedEnergy, deck_energy, deck_statement
-from cmsreduce.read.nastran.deck_mass import StatedMass, deck_mass, grid_masses
+from cmsreduce.read.nastran.deck_energy import deck_energy
+from cmsreduce.read.nastran.deck_mass import deck_mass, grid_masses
 from cmsreduce.read.nastran.dmig import DMIG
 from cmsreduce.read.nastran.op2 import OP2
 from cmsreduce.read.nastran.op2_geometry import OP2_GEOMETRY
@@ -25,12 +25,8 @@ __all__ = [
     "OP4",
     "SET_NAMES",
     "bars_in_units",
-    "STRAINS",
-    "StatedEnergy",
-    "StatedMass",
     "deck_energy",
     "deck_mass",
-    "deck_statement",
     "grid_masses",
     "read_bars",
     "read_bulk",

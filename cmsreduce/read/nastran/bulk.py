@@ -15,6 +15,7 @@ from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, DofTable, Nodes
 from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, rows_of_nodes
 from cmsreduce.read.nastran.cards import Card, CardFile, Cards, CardTable, read_cards
+from cmsreduce.read.nastran.deck_energy import deck_statement
 from cmsreduce.read.nastran.dof_sets import (
     SET_CARDS,
     Points,
@@ -317,6 +318,7 @@ BULK_DATA = GeometryFormat(
     _deck_geometry,
     _deck_cells,
     _MATRICES,
+    deck_statement,
 )
 EXTERNAL_SUPERELEMENT = GeometryFormat(
     "superelement",
@@ -326,4 +328,5 @@ EXTERNAL_SUPERELEMENT = GeometryFormat(
     read_extseout,
     _deck_cells,
     _MATRICES,
+    deck_statement,
 )

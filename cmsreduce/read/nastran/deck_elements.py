@@ -18,6 +18,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.bars import offsets_of
 from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable, read_cards
+from cmsreduce.read.stated import NotCountedError
 
 __all__ = [
     "UNCOUNTED",
@@ -25,7 +26,6 @@ __all__ = [
     "Elements",
     "Faces",
     "Material",
-    "NotCountedError",
     "Section",
     "node_index",
     "stated_elements",
@@ -61,10 +61,6 @@ _PLAIN_BEAM = 8  # fields of a PBEAM before its stations
 _DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
 # Programs find the shear area of a section by its shape; where they differ, or it depends on the walls, the least.
 _LEAST_SHEAR = {"ROD": 6 / 7, "TUBE": 0.5, "BAR": 5 / 6}
-
-
-class NotCountedError(Exception):
-    """The deck has an element that is not counted."""
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,13 @@
 """Strain energy that a NASTRAN deck states for a uniform strain.
 
-Under displacements u = G x with a symmetric G, and without rotations, a solid that passes the patch test has exactly
-the energy V eps C eps. Plates and bars have this energy in their plane and along their axis; the part by shear and
-bending lies between bounds. An element on a point without rows of its own (a point of a rigid element, a condensed
-one) does not follow a uniform strain; its energy is left out, which leaves a lower bound.
+An element on a point without rows of its own (a point of a rigid element, a condensed one) does not follow a uniform
+strain; its energy is left out, which leaves a lower bound.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,28 +21,29 @@ from cmsreduce.read.nastran.deck_elements import (
     Elements,
     Faces,
     Material,
-    NotCountedError,
     stated_elements,
 )
-from cmsreduce.read.nastran.deck_mass import StatedMass, mass_of, solid_volumes
+from cmsreduce.read.nastran.deck_mass import mass_of, solid_volumes
+from cmsreduce.read.stated import (
+    STRAINS,
+    EnergyPart,
+    NotCountedError,
+    StatedEnergy,
+    StatedMass,
+    are_curved,
+    solid_energy,
+    sum_of_energies,
+)
 
-__all__ = ["STRAINS", "StatedEnergy", "deck_energy", "deck_statement"]
+__all__ = ["deck_energy", "deck_statement"]
 
 Array = NDArray[np.float64]
-Part = tuple[NDArray[np.int64], Array, Array, Array, bool]
-"""Positions of nodes, three bounds of the energy (6, 6) as in `StatedEnergy`, and whether the nodes can turn."""
-
-STRAINS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
-"""Entries of G, in the order of the six strains."""
-
 # Cards whose stiffness is not counted: only a lower bound is known.
 _OTHERS = (*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL")
 # Springs between points at one place take no energy from a uniform strain.
 _SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
 # Of the size of an element: places printed with five digits.
 _SAME_PLACE = 1e-5
-# Of the largest entry: two sums over all elements differ by less.
-_ROUND_OFF = 1e-9
 # Moduli that contradict each other by more make no isotropic material.
 _ISOTROPIC = 1e-3
 _EDGES = {
@@ -57,36 +55,6 @@ _EDGES = {
 _SHEAR_SHARE = 0.8333333
 # An element that bends where it has no shear: its stiffness over that of a strip as wide as its shortest edge.
 _BENT = 4.0
-
-
-class StatedEnergy(NamedTuple):
-    """Twice the strain energy of a deck under uniform strain, u K u, as a quadratic form of `STRAINS`.
-
-    Parameters
-    ----------
-    least : (6, 6) float64
-        Lower bound if the nodes may turn.
-    low, high : (6, 6) float64
-        Bounds if no node turns; equal where all elements are solids. ``high`` is None if some elements are not counted.
-    nodes : (k,) int64
-        Positions of the nodes of all elements that are counted.
-    turning : (t,) int64
-        Those of them that plates, bars and beams turn.
-    uncounted : tuple of str
-        Elements that are not counted.
-    """
-
-    least: Array
-    low: Array
-    high: Array | None
-    nodes: NDArray[np.int64]
-    turning: NDArray[np.int64]
-    uncounted: tuple[str, ...]
-
-    @property
-    def exact(self) -> bool:
-        """True if both bounds are one."""
-        return self.high is not None and bool(abs(self.high - self.low).max() <= _ROUND_OFF * abs(self.low).max())
 
 
 def deck_energy(path: Path, nodes: Nodes) -> StatedEnergy | None:
@@ -116,7 +84,7 @@ def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEne
     if elements is None or not elements.materials:
         return None
     cards = elements.cards
-    parts: list[Part] = []
+    parts: list[EnergyPart] = []
     without = [name for name in _OTHERS if cards.get(name)]
     without += [name for name in _SPRINGS if not _without_energy(cards, name, elements.nodes, moving)]
     for names, of_kind in _KINDS.items():
@@ -128,11 +96,7 @@ def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEne
         parts += of_these
         if lost:
             without.append(f"{lost} {', '.join(name for name in names if cards.get(name))} on points without rows")
-    if not parts:
-        return None
-    least, low, high = (np.asarray(sum(forms)) for forms in zip(*(part[1:4] for part in parts), strict=True))
-    turning = _places([part for part in parts if part[4]])
-    return StatedEnergy(least, low, None if without else high, _places(parts), turning, tuple(without))
+    return sum_of_energies(parts, without)
 
 
 def deck_statement(
@@ -144,11 +108,6 @@ def deck_statement(
     """
     elements = stated_elements(path, nodes)
     return mass_of(elements), energy_of(elements, moving)
-
-
-def _places(parts: list[Part]) -> NDArray[np.int64]:
-    """Positions of the nodes of some parts."""
-    return np.unique(np.concatenate([np.empty(0, np.int64), *(np.ravel(part[0]) for part in parts)]))
 
 
 def _isotropic(number: int, materials: dict[int, Material]) -> Material:
@@ -171,8 +130,8 @@ def _quadratic(weight: Array, row: Array) -> Array:
     return np.asarray(np.einsum("e,ei,ej->ij", weight, row, row))
 
 
-def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[Part], int]:
-    parts: list[Part] = []
+def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], int]:
+    parts: list[EnergyPart] = []
     lost, nodes, materials = 0, elements.nodes, elements.materials
     for stated in elements.solids:
         faces = _on_rows(stated, moving)
@@ -180,15 +139,12 @@ def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[Part], 
         if faces.each(lambda p: p.text(6) == "PFLUID").any():
             raise NotCountedError
         corners = nodes.xyz[faces.nodes]
-        _refuse_curved(faces, corners, nodes)
+        if are_curved(corners, nodes.xyz[faces.between], np.array(_EDGES[faces.corners])).any():
+            raise NotCountedError
         volume = solid_volumes(corners, points=2)[0]
         G = faces.each(lambda p: _isotropic(p.integer(1), materials).G)
         lame = faces.each(lambda p: _lame(_isotropic(p.integer(1), materials)))
-        trace = np.array([1.0, 1, 1, 0, 0, 0])
-        # eps : C : eps; an entry of G off the diagonal stands for two.
-        energy = (volume @ lame) * np.outer(trace, trace) + 2 * (volume @ G) * np.diag([1.0, 1, 1, 2, 2, 2])
-        places = np.concatenate([faces.nodes.ravel(), faces.between.ravel()])
-        parts.append((places, energy, energy, energy, False))
+        parts.append(solid_energy(np.concatenate([faces.nodes.ravel(), faces.between.ravel()]), volume, G, lame))
     return parts, lost
 
 
@@ -200,21 +156,8 @@ def _on_rows(faces: Faces, moving: NDArray[np.bool_]) -> Faces:
     return replace(faces, nodes=faces.nodes[keep], between=faces.between[keep], property=faces.property[keep])
 
 
-def _refuse_curved(faces: Faces, corners: Array, nodes: Nodes) -> None:
-    """Refuse solids with nodes between corners that are not in the middle of straight edges."""
-    if not faces.between.shape[1]:
-        return
-    edges = np.array(_EDGES[faces.corners])
-    middle = corners[:, edges].mean(axis=2)
-    length = np.linalg.norm(corners[:, edges[:, 0]] - corners[:, edges[:, 1]], axis=2)
-    # Their order differs between programs; every one must be in the middle of some edge.
-    away = np.linalg.norm(nodes.xyz[faces.between][:, :, None] - middle[:, None], axis=3).min(axis=2)
-    if (away > _SAME_PLACE * length.max(axis=1, keepdims=True)).any():
-        raise NotCountedError
-
-
-def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[Part], int]:
-    parts: list[Part] = []
+def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], int]:
+    parts: list[EnergyPart] = []
     lost, nodes, materials = 0, elements.nodes, elements.materials
     for stated in elements.plates:
         faces = _on_rows(stated, moving)
@@ -262,7 +205,7 @@ def _lame(material: Material) -> float:
     return material.E * material.nu / (1 + material.nu) / (1 - 2 * material.nu)
 
 
-def _bars(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[Part], int]:
+def _bars(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], int]:
     nodes, stated = elements.nodes, elements.bars
     bars = [bar for bar in stated if moving[bar.nodes].all()]
     if not bars:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +17,14 @@ from cmsreduce.read.nastran.deck_elements import (
     Elements,
     Faces,
     Material,
-    NotCountedError,
     node_index,
     stated_elements,
 )
+from cmsreduce.read.stated import MassPart, NotCountedError, StatedMass, as_inertia, outer, point_mass, sum_of_masses
 
-__all__ = ["StatedMass", "deck_mass", "grid_masses", "mass_of", "solid_volumes"]
+__all__ = ["deck_mass", "grid_masses", "mass_of", "solid_volumes"]
 
 Array = NDArray[np.float64]
-Part = tuple[NDArray[np.int64], Array, Array, Array, Array]
-"""Nodes (e, k), their masses (e, k), centres (e, 3), second moments int x x dm (e, 3, 3), and the inertia (e, 3, 3)
-that lumping may change."""
 
 # The mass of a deck that has any of these is unknown.
 _OTHERS = (*UNCOUNTED, "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1")
@@ -45,30 +41,6 @@ _HEXAHEDRON = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), 
 _AROUND = ((0, 1, 2), (1, 2, 3), (2, 3, 0), (3, 0, 1))
 # A tetrahedron and a wedge are hexahedra with corners that coincide.
 _CORNERS = {4: (0, 1, 2, 2, 3, 3, 3, 3), 6: (0, 1, 2, 2, 3, 4, 5, 5), 8: (0, 1, 2, 3, 4, 5, 6, 7)}
-
-
-class StatedMass(NamedTuple):
-    """Mass of the elements of a deck, in its units.
-
-    Parameters
-    ----------
-    mass : float
-        Mass of all bars, rods, plates, solids and point masses.
-    centre : (3,) float64
-        Centre of mass in basic.
-    inertia : (3, 3) float64
-        About the centre, with the mass of each element spread over it.
-    lumping : (3, 3) float64
-        Largest difference that lumping, and rotary inertia of sections, make to each entry.
-    nodal : (N,) float64
-        Mass at each node.
-    """
-
-    mass: float
-    centre: Array
-    inertia: Array
-    lumping: Array
-    nodal: Array
 
 
 def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
@@ -101,18 +73,7 @@ def mass_of(elements: Elements | None) -> StatedMass | None:
         parts = [*_bars(elements), *_plates(elements), *_solids(elements), *_points(cards, nodes)]
     except (ReadError, NotCountedError):
         return None
-    if not parts or not (total := float(sum(mass.sum() for _, mass, *_ in parts))) > 0:
-        return None
-    centre = sum(np.einsum("ek,ei->i", mass, at) for _, mass, at, *_ in parts) / total
-    nodal = np.zeros(len(nodes))
-    second, lumping = np.zeros((3, 3)), np.zeros((3, 3))
-    for of, mass, _, spread, more in parts:
-        np.add.at(nodal, of, mass)
-        second, lumping = second + spread.sum(axis=0), lumping + more.sum(axis=0)
-    second = second - total * np.outer(centre, centre)
-    scale = _weight_factor(cards)
-    inertia = np.trace(second) * np.eye(3) - second
-    return StatedMass(total * scale, centre, inertia * scale, lumping * scale, nodal * scale)
+    return sum_of_masses(parts, len(nodes), _weight_factor(cards))
 
 
 def grid_masses(path: Path, nodes: Nodes) -> Array | None:
@@ -166,11 +127,7 @@ def _density(number: int, materials: dict[int, Material]) -> float:
     return materials[number].density
 
 
-def _outer(x: Array) -> Array:
-    return np.asarray(x[..., :, None] * x[..., None, :])
-
-
-def _bars(elements: Elements) -> Iterator[Part]:
+def _bars(elements: Elements) -> Iterator[MassPart]:
     bars, materials = elements.bars, elements.materials
     if not bars:
         return
@@ -182,13 +139,13 @@ def _bars(elements: Elements) -> Iterator[Part]:
     mass, centre = per_length * length, ends.mean(axis=1)
     # Halves at the ends have three times the moment of a straight line.
     twist = density * length * [np.trace(bar.section.moments) for bar in bars]
-    lumped = _as_inertia(_outer(along) * (mass / 6)[:, None, None]) + twist[:, None, None]
-    spread = mass[:, None, None] * (_outer(centre) + _outer(along) / 12)
+    lumped = as_inertia(outer(along) * (mass / 6)[:, None, None]) + twist[:, None, None]
+    spread = mass[:, None, None] * (outer(centre) + outer(along) / 12)
     # The halves are at the grids, offsets or not.
     yield np.array([bar.nodes for bar in bars]), np.repeat(mass[:, None] / 2, 2, axis=1), centre, spread, lumped
 
 
-def _points(cards: Cards, nodes: Nodes) -> Iterator[Part]:
+def _points(cards: Cards, nodes: Nodes) -> Iterator[MassPart]:
     for card in cards.get("CONM2", ()):
         frame, offset = card.integer(2, 0), np.array([card.real(k) for k in (4, 5, 6)])
         if frame > 0 and offset.any():
@@ -198,7 +155,7 @@ def _points(cards: Cards, nodes: Nodes) -> Iterator[Part]:
         # Moments are along the card's frame; their size bounds their share in every frame.
         own = np.zeros((3, 3))
         own[np.tril_indices(3)] = [card.real(k) for k in range(8, 14)]
-        yield _at_point(at, card.real(3), place, float(abs(own).sum()))
+        yield point_mass(at, card.real(3), place, float(abs(own).sum()))
     for card in cards.get("CONM1", ()):
         # EID, G, CID, then the lower triangle M11 M21 M22 M31 .. M66; a point mass is equal in all directions.
         triangle = np.zeros((6, 6))
@@ -208,15 +165,10 @@ def _points(cards: Cards, nodes: Nodes) -> Iterator[Part]:
         if abs(translation - mass * np.eye(3)).max() > _ONE_MASS * abs(mass) or coupling.any():
             raise NotCountedError
         at = node_index(nodes, card.integer(1))
-        yield _at_point(at, mass, nodes.xyz[at], float(abs(triangle[3:, 3:]).sum()))
+        yield point_mass(at, mass, nodes.xyz[at], float(abs(triangle[3:, 3:]).sum()))
 
 
-def _at_point(at: int, mass: float, place: Array, own: float) -> Part:
-    more = np.full((1, 3, 3), own)
-    return np.array([[at]]), np.array([[mass]]), place[None], mass * _outer(place)[None], more
-
-
-def _plates(elements: Elements) -> Iterator[Part]:
+def _plates(elements: Elements) -> Iterator[MassPart]:
     for faces in elements.plates:
         per_area = faces.each(lambda p: _density(p.integer(1, 0), elements.materials) * p.real(2) + p.real(7))
         corners = elements.nodes.xyz[faces.nodes]
@@ -224,7 +176,7 @@ def _plates(elements: Elements) -> Iterator[Part]:
         yield _spread(faces, corners, per_area, area, centre, second, _plate_shares(corners, area))
 
 
-def _solids(elements: Elements) -> Iterator[Part]:
+def _solids(elements: Elements) -> Iterator[MassPart]:
     for faces in elements.solids:
         if faces.between.shape[1]:
             raise NotCountedError
@@ -242,7 +194,7 @@ def _spread(
     centre: Array,
     second: Array,
     shares: Array | None = None,
-) -> Part:
+) -> MassPart:
     """Elements whose corners have nearly equal shares (e, k) of the mass; skew ones are refused."""
     mean = corners.mean(axis=1)
     reach = np.linalg.norm(corners - mean[:, None], axis=2).max(axis=1)
@@ -252,7 +204,7 @@ def _spread(
     share = mass[:, None] * (np.full(corners.shape[:2], 1 / faces.corners) if shares is None else shares)
     spread = density[:, None, None] * second
     lumped = np.einsum("ek,eki,ekj->eij", share, corners, corners)
-    return faces.nodes, share, centre, spread, _as_inertia(lumped - spread)
+    return faces.nodes, share, centre, spread, as_inertia(lumped - spread)
 
 
 def _plate_shares(corners: Array, area: Array) -> Array:
@@ -266,11 +218,6 @@ def _plate_shares(corners: Array, area: Array) -> Array:
         part = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
         shares[:, list(triangle)] += (part / 6)[:, None]
     return np.asarray(shares / np.maximum(area, np.finfo(float).tiny)[:, None])
-
-
-def _as_inertia(second: Array) -> Array:
-    """Size of the inertia (e, 3, 3) of second moments of mass."""
-    return np.asarray(abs(np.einsum("eii->e", second)[:, None, None] * np.eye(3) - second))
 
 
 def _plate_areas(corners: Array) -> tuple[Array, Array, Array]:
@@ -289,7 +236,7 @@ def _plate_areas(corners: Array) -> tuple[Array, Array, Array]:
         middle = t.mean(axis=1)
         area, moment = area + part, moment + part[:, None] * middle
         # Of a triangle: a twelfth of its corners, and three quarters of its centre.
-        second = second + part[:, None, None] * (np.einsum("eki,ekj->eij", t, t) / 12 + 0.75 * _outer(middle))
+        second = second + part[:, None, None] * (np.einsum("eki,ekj->eij", t, t) / 12 + 0.75 * outer(middle))
     return np.asarray(area), np.asarray(moment / np.maximum(area, np.finfo(float).tiny)[:, None]), np.asarray(second)
 
 
