@@ -43,8 +43,8 @@ _STIFFENING = ("SPRING", "CONTACT PAIR", "CONTACT", "GAP")
 _STRESSED = ("STATIC", "DYNAMIC", "VISCO", "COUPLED TEMPERATURE-DISPLACEMENT")
 # Types of a *MASS that is the same in all directions.
 _EQUAL = ("", "ISOTROPIC")
-# Gauss points each way: exact for straight elements; those of reduced integration; and for curved ones.
-_POINTS, _REDUCED, _MORE = 3, {"C3D8": 1, "C3D20": 2}, 4
+# Gauss points each way: exact for straight elements, and for their volumes; of reduced integration; for curved ones.
+_POINTS, _VOLUME, _REDUCED, _MORE = 3, 2, {"C3D8": 1, "C3D20": 2}, 4
 # A program's rule differs from the exact one by at most so many times the difference of the rules compared here.
 _RULES = 2.0
 # Of the largest mass at a node: masses that differ by less are the same.
@@ -192,7 +192,7 @@ def _energies(
             continue
         curved, on_rows = each.curved(nodes), moving[each.nodes].all(axis=1)
         own = each.nodes[on_rows & ~curved]
-        volume = integrals(each.solid, nodes.xyz[own], _POINTS).volume
+        volume = integrals(each.solid, nodes.xyz[own], _VOLUME).volume
         G, lame = made.E / (2 * (1 + made.nu)), made.E * made.nu / (1 + made.nu) / (1 - 2 * made.nu)
         if own.size:
             parts.append(solid_energy(own.ravel(), volume, np.full(len(own), G), np.full(len(own), lame)))
