@@ -97,8 +97,20 @@ def test_pairs_are_as_close_as_scipy_finds_them(seed):
     assert distance[i, j].sum() <= least + 1e-13 * distance.max()
 
 
-def test_nothing_pairs_with_nothing():
-    assert [part.size for part in closest_pairs(np.empty((0, 3)))] == [0, 0]
+@pytest.mark.parametrize("shape", [(5, 9), (9, 5), (6, 6)], ids=str)
+def test_each_with_its_nearest_where_these_differ(shape):
+    random = np.random.default_rng(7)
+    a, b = np.argsort(random.random(shape[0]))[: min(shape)], np.argsort(random.random(shape[1]))[: min(shape)]
+    distance = 1.0 + random.random(shape)
+    distance[a, b] = random.random(min(shape))
+    i, j = closest_pairs(distance)
+    assert dict(zip(i.tolist(), j.tolist(), strict=True)) == dict(zip(a.tolist(), b.tolist(), strict=True))
+    assert (np.diff(i) > 0).all()
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (3, 0), (0, 0)], ids=str)
+def test_nothing_pairs_with_nothing(shape):
+    assert [part.size for part in closest_pairs(np.empty(shape))] == [0, 0]
 
 
 @pytest.mark.parametrize("seed", range(20))
