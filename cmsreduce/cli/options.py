@@ -37,7 +37,7 @@ _HEADINGS = {
 _WHOLE = 400
 _FOLDER, _AS_JSON = f"{__name__}.folder", f"{__name__}.as_json"
 # Modules that every piece of work loads, now or later.
-_LIBRARIES = ["cmsreduce.pipeline.batch", "h5py", "scipy.optimize"]
+_LIBRARIES = ["cmsreduce.pipeline.batch", "h5py"]
 
 
 def work_in(folder: Path) -> None:
