@@ -282,9 +282,9 @@ def _exchanged_back(case: _Pairs, beyond: Graph) -> NDArray[np.int64] | None:
         counts = np.diff(left.indptr)
         if not counts.any():
             break
-        best = None
+        best, lacking = None, np.diff(case.lacking(label).indptr)
         for a in np.argsort(-counts, kind="stable")[:_NAMED]:
-            b = _most_alike(case, label, int(a), degree)
+            b = _most_alike(case, label, int(a), degree, lacking)
             if b is None or b == a or counts[a] == 0:
                 continue
             # The rows that bear the labels a and b now are exchanged.
@@ -300,12 +300,17 @@ def _exchanged_back(case: _Pairs, beyond: Graph) -> NDArray[np.int64] | None:
     if not moved.size or left.nnz > _LEFT * before:
         return None
     # Lumped nodes of a spread mass could be exchanged, too, but would still lack the pairs of the stiffness.
-    lacking = np.diff(case.lacking(label).indptr)[label[moved]]
-    return label if (lacking <= _LEFT * np.diff(case.stiff.indptr)[label[moved]]).all() else None
+    lacked = np.diff(case.lacking(label).indptr)[label[moved]]
+    return label if (lacked <= _LEFT * np.diff(case.stiff.indptr)[label[moved]]).all() else None
 
 
-def _most_alike(case: _Pairs, label: NDArray[np.int64], a: int, degree: NDArray[np.int64]) -> int | None:
-    """Node whose neighbours in the stiffness are most like those of node ``a`` in the relabelled mass."""
+def _most_alike(
+    case: _Pairs, label: NDArray[np.int64], a: int, degree: NDArray[np.int64], lacking: NDArray[np.int64]
+) -> int | None:
+    """Node whose neighbours in the stiffness are most like those of node ``a`` in the relabelled mass.
+
+    Of nodes with the same neighbours, as in the middle of edges of one element, it is the one that lacks most pairs.
+    """
     row = int(np.flatnonzero(label == a)[0])
     around = label[case.mass.indices[case.mass.indptr[row] : case.mass.indptr[row + 1]]]
     near = np.zeros(label.size)
@@ -314,4 +319,5 @@ def _most_alike(case: _Pairs, label: NDArray[np.int64], a: int, degree: NDArray[
     if not common.any():
         return None
     share = common / (degree + around.size + 1 - common)
-    return int(share.argmax())
+    same = np.flatnonzero(share == share.max())
+    return int(same[lacking[same].argmax()])

@@ -56,6 +56,27 @@ def test_two_nodes_exchanged_in_the_mass_are_named(name: str, a: int, b: int) ->
     assert f"the rows labelled node {b} are those of node {a}" in text and "put back, the pairs agree" in text
 
 
+@pytest.mark.parametrize(("a", "b"), [(4, 40), (5, 27), (21, 41)])
+def test_exchanged_nodes_with_twins_are_put_back(a: int, b: int) -> None:
+    """A chain of elements with two nodes at either end, and five between them that have the same neighbours."""
+    text = refusal(shuffled(quadratic(8), {a: b, b: a}))
+    assert "put back, the pairs agree" in text
+
+
+def quadratic(elements: int) -> FEModel:
+    """Pattern of a chain of elements of nine nodes, of which five belong to no other element, and of a spring."""
+    count = 7 * elements + 2
+    K, of = sp.lil_array((3 * count, 3 * count)), np.arange(3 * count) // 3
+    for k in range(elements):
+        own = np.flatnonzero((of >= 7 * k) & (of < 7 * k + 9))
+        K[np.ix_(own, own)] = 1.0
+    M = sp.csc_array(K + 9 * sp.eye_array(3 * count))
+    ends = np.flatnonzero((of == 0) | (of == count - 1))
+    K[np.ix_(ends, ends)] = 1.0
+    dofs = DofTable(1 + of, np.tile([1, 2, 3], count))
+    return FEModel("chain", sp.csc_array(K + 9 * sp.eye_array(3 * count)), M, dofs)
+
+
 def test_three_nodes_in_a_ring_are_named() -> None:
     text = refusal(shuffled(BODIES["brick"], {20: 33, 33: 50, 50: 20}))
     assert "the rows labelled node 20 are those of node 33" in text
