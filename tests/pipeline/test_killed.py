@@ -16,7 +16,7 @@ from tests.pipeline import killed
 from tests.pipeline.rounding import assert_close, assert_files_close
 from tests.pipeline.test_reuse import done, untimed
 
-STAGES = ["arm.read", "panel.read", "arm.reduce", "arm.orthogonalise", "panel.reduce", "panel.orthogonalise"]
+STAGES = ["arm.read", "panel.read", "panel.reduce", "panel.orthogonalise", "arm.reduce", "arm.orthogonalise"]
 STAGES += ["system.balance", "system.verify"]
 
 
@@ -52,7 +52,7 @@ def test_killed_at_every_file(study: Path, finished_study: Path) -> None:
     ("moment", "finished"),
     [
         ("read          arm", 0),
-        ("reduce        panel", 4),
+        ("reduce        arm", 4),
         ("balance       system", 6),
         ("verify        system", 7),
         ("write         component", 8),
