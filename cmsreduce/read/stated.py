@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cmsreduce.model import Nodes
 
 __all__ = [
+    "SAME_PLACE",
     "STRAINS",
     "EnergyPart",
     "MassPart",
@@ -45,10 +46,11 @@ EnergyPart = tuple[NDArray[np.int64], Array, Array, Array, bool]
 STRAINS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 """Entries of G, in the order of the six strains."""
 
+SAME_PLACE = 1e-5
+"""Distance of places that are the same, printed with five digits, relative to the size of an element or body."""
+
 # Of the largest entry: two sums over all elements differ by less.
 _ROUND_OFF = 1e-9
-# Of the size of an element: places printed with five digits.
-_SAME_PLACE = 1e-5
 
 
 class NotCountedError(Exception):
@@ -199,4 +201,4 @@ def are_curved(corners: Array, between: Array, edges: NDArray[np.int64]) -> NDAr
     length = np.linalg.norm(corners[:, edges[:, 0]] - corners[:, edges[:, 1]], axis=2)
     # Their order differs between programs; every one must be in the middle of some edge.
     away = np.linalg.norm(between[:, :, None] - middle[:, None], axis=3).min(axis=2)
-    return np.asarray((away > _SAME_PLACE * length.max(axis=1, keepdims=True)).any(axis=1))
+    return np.asarray((away > SAME_PLACE * length.max(axis=1, keepdims=True)).any(axis=1))

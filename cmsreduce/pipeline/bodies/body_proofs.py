@@ -170,21 +170,12 @@ def _mass(
     checks = _one_mass(tied)
     wrong = f"{negative} motions have negative energy" if negative else ""
     ordered, evidence = order.status == "proven", order.remark
+    free = rows.motions == _ALL_MOTIONS
     if stated is not None:
-        known = stated.nodal_known and (stated.nodal_if_lumped or order.status != "lumped")
-        if rows.motions == _ALL_MOTIONS:
-            checks += against_deck(stated, body)
-        elif known and (ratio := nodes_times_deck(body, stated.nodal)) is not None:
-            words = ratio_in_words(ratio, ratio) if abs(ratio - 1) > EXACT else ""
-            checks.append(Finding("mass against the deck, of nodes away from supports", abs(ratio - 1), EXACT, words))
-        # Nodes with each other's mass are looked for where the mass as a whole is that of the deck.
-        known &= all(check.passed or not check.name.startswith("mass against the deck") for check in checks)
-        whole = rows.motions == _ALL_MOTIONS or order.status == "lumped"
-        by_deck = mass_order_by_deck(body, stated.nodal, whole) if known else None
-        if by_deck is not None:
-            checks.append(by_deck)
-            if by_deck.passed:
-                ordered, evidence = True, "each node has the mass that the deck states"
+        found, by_deck = _mass_by_deck(body, stated, free, order)
+        checks += found
+        if by_deck:
+            ordered, evidence = True, by_deck
     toward = moments_toward_neighbours(body) if ordered else None
     if toward is not None and toward.as_given < max(_TOWARD, toward.best - _BETTER):
         ordered = False
@@ -195,7 +186,7 @@ def _mass(
             f"its first moments point to the neighbours of their nodes by {toward.as_given:.2f} of 1, as those of "
             f"{other}; masses beside their grids do so, too"
         )
-    if not ordered and rows.motions == _ALL_MOTIONS and exchanges_hidden(body) == 0:
+    if not ordered and free and exchanges_hidden(body) == 0:
         ordered, evidence = True, "an exchange of any two nodes would leave no centre of mass"
     failed = [check for check in checks if not check.passed]
     if failed or wrong:
@@ -208,11 +199,26 @@ def _mass(
         return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; compare {_figures(tied)}")
     if negative is None:
         return checks, Proof("mass", "unproven", remark=f"its definiteness is not determined; compare {_figures(tied)}")
-    compared = any("centre of mass against the deck" in check.name for check in checks)
-    deck = "; mass, centre and inertia agree with the deck" if compared else ""
+    deck = "; mass, centre and inertia agree with the deck" if stated is not None and free else ""
     if not any("same mass" in check.name for check in checks):
         deck += "; the body is held, so that its masses along x, y, z are not compared"
     return checks, Proof("mass", "proven", digits, f"{evidence}{deck}")
+
+
+def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrder) -> tuple[list[Finding], str]:
+    """Checks of a free or held body's mass against the deck, and the evidence of its order; empty if there is none."""
+    known = stated.nodal_known and (stated.nodal_if_lumped or order.status != "lumped")
+    checks = against_deck(stated, body) if free else []
+    if not free and known and (ratio := nodes_times_deck(body, stated.nodal)) is not None:
+        words = ratio_in_words(ratio, ratio) if abs(ratio - 1) > EXACT else ""
+        checks = [Finding("mass against the deck, of nodes away from supports", abs(ratio - 1), EXACT, words)]
+    # Nodes with each other's mass are looked for where the mass as a whole, the first check, is that of the deck.
+    if not known or not all(check.passed for check in checks[:1]):
+        return checks, ""
+    nodes = mass_order_by_deck(body, stated.nodal, free or order.status == "lumped")
+    if nodes is None:
+        return checks, ""
+    return [*checks, nodes], "each node has the mass that the deck states" if nodes.passed else ""
 
 
 def _figures(body: FEModel) -> str:

@@ -25,6 +25,7 @@ from cmsreduce.read.nastran.deck_elements import (
 )
 from cmsreduce.read.nastran.deck_mass import mass_of, solid_volumes
 from cmsreduce.read.stated import (
+    SAME_PLACE,
     STRAINS,
     EnergyPart,
     NotCountedError,
@@ -42,8 +43,6 @@ Array = NDArray[np.float64]
 _OTHERS = (*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL")
 # Springs between points at one place take no energy from a uniform strain.
 _SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
-# Of the size of an element: places printed with five digits.
-_SAME_PLACE = 1e-5
 # Moduli that contradict each other by more make no isotropic material.
 _ISOTROPIC = 1e-3
 _EDGES = {
@@ -259,6 +258,6 @@ def _without_energy(cards: Cards, name: str, nodes: Nodes, moving: NDArray[np.bo
         size = float(np.ptp(nodes.xyz, axis=0).max())
         if (at < 0).any() or not moving[at].all():
             return False
-        if np.linalg.norm(nodes.xyz[at[0]] - nodes.xyz[at[1]]) > _SAME_PLACE * size:
+        if np.linalg.norm(nodes.xyz[at[0]] - nodes.xyz[at[1]]) > SAME_PLACE * size:
             return False
     return True
