@@ -86,17 +86,10 @@ def execute(
         if report and last == "write":
             _begin_packing()
         run.makes_reference = "verify" in due and run.pipeline.verify is not None and run.has_response
-        for name in run.flexible_names:
-            run.flexible(name)
-        # The body that was read last comes first: its factor, which its proof made, may still be in memory.
-        latest = run.reduced_names[::-1]
+        run.read_bodies()
         # Orthogonalise runs reduce itself, and only where it is not finished.
-        if "orthogonalise" in due:
-            for name in latest:
-                run.modal(name)
-        elif "reduce" in due:
-            for name in latest:
-                run.reduced(name)
+        if "reduce" in due or "orthogonalise" in due:
+            run.reduce_bodies(orthonormal="orthogonalise" in due)
         if "balance" in due:
             _ = run.choice, run.sensitivity
         if "project" in due:

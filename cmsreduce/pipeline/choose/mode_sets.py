@@ -160,6 +160,10 @@ class ModeSets:
         found = self.alike(name, other)
         return next(each for each in found if self.cutoff_hz(each, other) == self.cutoff_hz(name, other))
 
+    def by_itself(self, name: str) -> bool:
+        """True if no other body takes part in the reduction of a body, which is the first of its copies."""
+        return not self._loaded(name, None) and name not in self.searched and self.first_alike(name) == name
+
     def _asked(self, name: str, other: ModeSetKeys | None) -> tuple[object, ...]:
         """Inputs of a reduction that no search changes."""
         fingerprint = self.bodies[name].fingerprint

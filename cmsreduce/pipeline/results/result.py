@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from contextvars import copy_context
 from dataclasses import replace
 
 import numpy as np
@@ -40,7 +38,7 @@ from cmsreduce.pipeline.results.views import (
     scene_drawing,
 )
 from cmsreduce.pipeline.run import MODEL, Run
-from cmsreduce.pipeline.store import Failures, collecting, diagnostic, once, report_failures
+from cmsreduce.pipeline.store import at_once, collecting, diagnostic, once
 from cmsreduce.pipeline.system import AssembledModel, highest_frequency
 from cmsreduce.verify import frequency_error_bars
 
@@ -98,19 +96,13 @@ def _find_at_once(run: Run, views: bool) -> None:
     # All bodies need these.
     _ = run.final, run.selection
 
-    def find(name: str) -> Failures:
-        with collecting(Failures(log=run.stages.failures.log)) as failed:
-            _error_bars_hz(run, name)
-            if views:
-                body_drawing(run, name)
-                body_effective_mass(run, name)
-        return failed
+    def find(name: str) -> None:
+        _error_bars_hz(run, name)
+        if views:
+            body_drawing(run, name)
+            body_effective_mass(run, name)
 
-    contexts = [copy_context() for _ in run.reduced_names]
-    with ThreadPoolExecutor(run.stages.solver.thread_count) as pool:
-        # Failures in the order of the bodies.
-        for failed in pool.map(lambda context, name: context.run(find, name), contexts, run.reduced_names):
-            report_failures(failed)
+    at_once(run.stages, find, run.reduced_names, run.stages.solver.thread_count)
 
 
 def with_failures(run: Run, result: RunResult) -> RunResult:

@@ -192,6 +192,26 @@ class BodyStages(ReadStages):
         """
         return self._named(self._modal(name, other), name)
 
+    def reduce_bodies(self, *, orthonormal: bool) -> None:
+        """Reduce all bodies, and bring them to orthonormal modes if asked; small ones several at a time."""
+        # The body that was read last comes first: its factor, which its proof made, may still be in memory.
+        latest, sets = self.reduced_names[::-1], self.mode_sets
+        own = [name for name in latest if sets.by_itself(name)]
+        if self.makes_reference:
+            for name in own:
+                self._reference_key(name)
+
+        def work(name: str) -> None:
+            (self._modal if orthonormal else self._reduction)(name)
+            if self.makes_reference and name not in sets.unneeded:
+                # As for its free modes.
+                with suppress(Exception):
+                    self.reference(name)
+
+        self._at_once(work, own)
+        for name in latest:
+            (self.modal if orthonormal else self.reduced)(name)
+
     def _named(self, found: ModalComponent, name: str) -> ModalComponent:
         """Modes that were computed for a body or a copy of it, as those of the body."""
         return found if found.name == name else replace(found, body=self.bodies[name].body)

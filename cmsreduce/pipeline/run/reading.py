@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import Pipeline, build_scene
 from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.machine import SolverSettings
+from cmsreduce.linalg.machine import SolverSettings, available_memory
 from cmsreduce.model import Configuration, FEModel, RigidBody, Scene
 from cmsreduce.pipeline.bodies import (
     WRITTEN_LIMIT,
@@ -21,14 +21,29 @@ from cmsreduce.pipeline.bodies import (
     proven_body,
     read_rigid,
 )
-from cmsreduce.pipeline.run.keys import body_key, proof_key, read_key
-from cmsreduce.pipeline.store import CommonWork, Failures, Progress, Stages, collecting, once, report_failures, stage
+from cmsreduce.pipeline.run.keys import body_key, file_size, proof_key, read_key
+from cmsreduce.pipeline.store import (
+    CommonWork,
+    Failures,
+    Progress,
+    Stages,
+    at_once,
+    collecting,
+    once,
+    report_failures,
+    stage,
+)
 from cmsreduce.pipeline.system import AssembledModel
 
 __all__ = ["HELD", "ReadStages"]
 
 HELD = 16
 """Sets of bodies as read and of references that points of a sweep hold together: those before and after a change."""
+
+# Bytes of the files of a body above which the algebra of one body keeps all cores busy.
+_LARGE = 2**27
+# Memory that work on a body takes, in bytes of its files.
+_GROWTH = 20
 
 
 class _Given(Mapping[str, Mapping[str, object]]):
@@ -123,6 +138,33 @@ class ReadStages:
         proven = self._proven(name)
         report_failures(proven.failures)
         return in_scene(proven, self.pipeline, name, self.scene)
+
+    def read_bodies(self) -> None:
+        """Read all flexible bodies and check them, small ones several at a time."""
+        firsts = {self.body_key(name): name for name in self.flexible_names[::-1]}
+        self._at_once(self._proven, [name for name in self.flexible_names if name in firsts.values()])
+        for name in self.flexible_names:
+            self.flexible(name)
+
+    def _at_once(self, work: Callable[[str], object], names: Sequence[str]) -> None:
+        """Do a piece of work on small bodies, several at a time; the run holds the results.
+
+        Much of the work on one body takes one thread: two bodies of 85 000 dofs at once take a quarter less time, of
+        295 000 dofs no less, and half as much memory again. What is left is for the caller to do body by body: large
+        ones, one that would have no other beside it, and all of them where the pipeline states a number of threads,
+        where processes share the bodies, and where memory is short.
+        """
+        if self.stages.solver.threads is not None or self.stages.common is not None:
+            return
+        bytes_of = {name: file_size(self.pipeline, name) for name in names}
+        small = [name for name in names if bytes_of[name] <= _LARGE]
+        threads = self.stages.solver.thread_count
+        last = len(small) - len(small) % threads
+        for some in (small[:last], small[last:]):
+            count = min(threads, len(some))
+            largest = sorted(bytes_of[name] for name in some)[len(some) - count :]
+            if count > 1 and _GROWTH * sum(largest) <= available_memory():
+                at_once(self.stages, work, some, count)
 
     @once
     def proof_key(self, name: str) -> str:

@@ -4,6 +4,7 @@ Keys, files, locks, times and progress of stages belong here.
 The work of a stage belongs in the other rooms of `pipeline`.
 """
 
+from cmsreduce.pipeline.store.at_once import at_once
 from cmsreduce.pipeline.store.diagnostics import DIAGNOSTICS, Failures, collecting, diagnostic, report_failures
 from cmsreduce.pipeline.store.progress import Progress, Silent
 from cmsreduce.pipeline.store.stage_cache import ORIGIN, cache_entries, clear_cache, read_origin, sole_use, write_origin
@@ -22,6 +23,7 @@ __all__ = [
     "STAGES_FOLDER",
     "Silent",
     "Stages",
+    "at_once",
     "cache_entries",
     "clear_cache",
     "collecting",

@@ -10,6 +10,7 @@ from copy import copy
 from dataclasses import asdict, replace
 from functools import wraps
 from pathlib import Path
+from threading import Lock
 from typing import Any, Concatenate, Literal, NamedTuple, ParamSpec, TypeVar, cast
 
 import numpy as np
@@ -104,6 +105,8 @@ class Stages:
         self.written: list[Path] = []
         self.notes: list[str] = []
         self.failures = Failures(progress.note, folder / FAILURES_LOG)
+        self.interrupted = False
+        self._telling = Lock()
 
     def note(self, text: str) -> None:
         """Record something that a reader must know, and report it once."""
@@ -119,7 +122,10 @@ class Stages:
     @contextmanager
     def timed(self, stage: str, what: str) -> Iterator[None]:
         """Announce a piece of work, apply the solver settings to it, and count its time and factorisations."""
-        self.progress.stage(stage, what)
+        if self.interrupted:
+            raise KeyboardInterrupt
+        with self._telling:
+            self.progress.stage(stage, what)
         settings = replace(self.solver, work=[])
         started = time.perf_counter()
         try:
@@ -213,7 +219,8 @@ class Stages:
         if entry.again is not None and self.only != REPORT and entry.again(value):
             return _MISSING
         self._count_stored(entry.stage, entry.what, facts)
-        self.progress.reused(entry.stage, entry.what)
+        with self._telling:
+            self.progress.reused(entry.stage, entry.what)
         return value
 
     def _count_stored(self, stage: str, what: str, facts: dict[str, Any]) -> None:
