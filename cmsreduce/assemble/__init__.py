@@ -4,6 +4,7 @@ Everything that needs more than one body and no reduction belongs here.
 Errors between two systems belong in `verify`, projection on system modes in `project`.
 """
 
+from cmsreduce.assemble.closed_loops import nearest_closed
 from cmsreduce.assemble.held_bodies import HeldBodies, held_bodies
 from cmsreduce.assemble.interface_loading import (
     grounded_rows,
@@ -75,6 +76,7 @@ __all__ = [
     "modal_states",
     "modal_substructure",
     "modal_weights",
+    "nearest_closed",
     "neighbour_loading",
     "outboard_loading",
     "outboard_masses",

@@ -8,7 +8,8 @@ dynamic stiffness and Y the receptance of the residual modes,
     y = (c - C Y A^T S a) q + (C Y B - C Y A^T S A Y B) u,
 
 in which everything but Z is computed at a few Chebyshev points of the band and interpolated: for any number of modes of
-the bodies and of joint forces, a frequency costs a solve for the modes near the band.
+the bodies and of joint forces, a frequency costs a solve for the modes near the band. Combinations of these that
+resonate well above it once they are joined are eliminated with the residual modes.
 
 Every root of a residual mode is at least 1.5 times the top of the band away from zero. The roots of the joined residual
 modes are no nearer: for any shape x the coefficients of x^H (K + i w D - w^2 M) x are sums of those of the modes, none
@@ -21,22 +22,17 @@ Approximation Theory and Approximation Practice, SIAM 2013, theorem 8.2).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as la
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.points import PointStack, balanced
-from cmsreduce.assemble.response.receptance import is_diagonal, modal_weights
-from cmsreduce.assemble.system import Wiring, balanced_rigid
-from cmsreduce.linalg.blocks import dense
-from cmsreduce.linalg.eigen import null_space, row_basis
+from cmsreduce.assemble.response.near_modes import eliminated, near_band, split_modes
+from cmsreduce.assemble.system import Wiring
+from cmsreduce.linalg.eigen import row_basis
 from cmsreduce.linalg.response import frequency_blocks
-from cmsreduce.model import Matrix, Substructure
 
 __all__ = ["JoinedRows", "ResidualFlexibility", "residual_flexibility"]
 
@@ -51,9 +47,6 @@ _NODES = 24
 # the same time either way, 90 forces and 21 modes a sixteenth.
 _FEWEST_FORCES = 12
 _FEWEST_POINTS = 4 * _NODES
-# Least eigenvalue of A Y A^T, scaled to a unit diagonal: below it the residual modes do not span the joints, and S
-# would have fewer than six digits. Observed values are 3e-3 and more if they do, and rounding, 1e-16, if they do not.
-_SPANNED = 1e-10
 # Memory of the matrices of a block of frequencies, which stay in the cache.
 _BLOCK_BYTES = 2**22
 
@@ -173,99 +166,30 @@ def residual_flexibility(stack: PointStack, joined: JoinedRows, omega: Real) -> 
     Returns
     -------
     ResidualFlexibility or None
-        None where coupling of receptances takes less time, or where the residual modes do not span the joints.
+        None where coupling of receptances takes less time, or where it is not clear if the residual modes span a joint.
     """
     if omega.size < _FEWEST_POINTS or joined.c < _FEWEST_FORCES:
         return None
     omega_max, c = float(omega.max()), joined.c
-    near = {name: _near(sub, _BEYOND * omega_max) for name, sub in stack.substructures.items()}
-    if sum(int(np.count_nonzero(columns)) for columns in near.values()) > c:
+    reach = _BEYOND * omega_max
+    near = {name: near_band(sub, reach) for name, sub in stack.substructures.items()}
+    # A constraint takes one mode at most.
+    if sum(int(np.count_nonzero(own)) for own in near.values()) > 2 * c:
         return None
-    modes = _near_modes(stack, joined, {name: np.flatnonzero(columns) for name, columns in near.items()})
-    far = {name: np.flatnonzero(~columns) for name, columns in near.items()}
-    left, right = _over(joined.left, stack, far), _over(joined.right, stack, far)
-    k = modes.left.shape[1]
+    split = split_modes(stack, joined.left, joined.right, c, near, omega_max)
+    if split is None:
+        return None
+    modes, far = split
     nodes = (chebyshev.chebpts1(_NODES) + 1) / 2 * omega_max
-    weights = [modal_weights(stack.substructures[name], nodes, own) for name, own in far.items() if own.size]
-    residual = np.empty((_NODES, left.shape[0] - c + k, right.shape[0] - c + k), dtype=np.complex128)
-    for E, weight in zip(residual, np.hstack([np.empty((_NODES, 0)), *weights]), strict=True):
-        G = (left * weight) @ right.T
-        if not _is_spanned(G[:c, :c]):
-            return None
-        forces = np.linalg.solve(G[:c, :c], np.hstack([modes.left[:c], G[:c, c:]]))
-        E[:k], E[k:] = modes.right[:c].T @ forces, -G[c:, :c] @ forces
-        E[:k, k:] = modes.right[c:].T - E[:k, k:]
-        E[k:, :k] += modes.left[c:]
-        E[k:, k:] += G[c:, c:]
+    within = modes.within(far, reach)
+    if within is not None:
+        modes = modes.moved(within[0])
+    count = len(modes.mass) if within is None else within[1]
+    residual = modes.residual(far, far.weights(nodes)) if count <= c else None
+    if residual is None:
+        return None
+    residual, modes = eliminated(modes, residual, nodes, count), modes.first(count)
     return ResidualFlexibility(joined, modes.stiffness, modes.drag, modes.mass, residual, omega_max)
-
-
-class _NearModes(NamedTuple):
-    """Rows of the joints and channels over the modes near the band (.., k), and matrices of these (k, k)."""
-
-    left: Real
-    right: Real
-    stiffness: Complex
-    drag: Real
-    mass: Real
-
-
-def _near_modes(stack: PointStack, joined: JoinedRows, columns: Mapping[str, Ints]) -> _NearModes:
-    """Modes near the band, beginning with the free rigid motions of the system.
-
-    Joints and stiffness do not act in these: they have inertia alone, which far below the resonances is less than the
-    rounding of the stiffness at the joints. Entries that vanish are therefore set to zero.
-    """
-    c, bodies = joined.c, stack.substructures
-    left, right = _over(joined.left, stack, columns), _over(joined.right, stack, columns)
-    K, M, D, loss = (
-        la.block_diag(*[_part(getattr(sub, letter), columns[name]) for name, sub in bodies.items()])
-        for letter in ("K", "M", "D", "loss")
-    )
-    rigid = balanced_rigid(left[:c], [sub.rigid[columns[name]] for name, sub in bodies.items()])
-    free = la.qr(rigid @ null_space(left[:c] @ rigid)[0], mode="economic")[0]
-    f = free.shape[1]
-    if f:
-        T = np.hstack([free, la.qr(M @ free)[0][:, f:]])
-        left, right, K, M, D, loss = left @ T, right @ T, *(T.T @ A @ T for A in (K, M, D, loss))
-        M[:f, f:] = M[f:, :f] = 0
-        for nothing in (left[:c].T, right[:c].T, K, K.T, loss, loss.T):
-            nothing[:f] = 0
-    return _NearModes(left, right, K + 1j * loss, D, M)
-
-
-def _near(sub: Substructure, reach: float) -> NDArray[np.bool_]:
-    """Mark coordinates with a root m w^2 - i d w - (k + i g) = 0 with ``abs(w) <= reach``, or that are no modes."""
-    if not is_diagonal(sub):
-        return np.ones(sub.m, dtype=bool)
-    m, k, d, g = (np.zeros(sub.m) if A is None else np.asarray(A.diagonal()) for A in (sub.M, sub.K, sub.D, sub.loss))
-    stiffness = k + 1j * g
-    root = np.sqrt(4 * m * stiffness - d**2)
-    # m times the farther root; the nearer one is the product of both divided by it. Without mass there is one root.
-    far = np.maximum(abs(1j * d + root), abs(1j * d - root)) / 2
-    return np.asarray(abs(stiffness) <= reach * far)
-
-
-def _over(rows: Real, stack: PointStack, columns: Mapping[str, Ints]) -> Real:
-    """Rows over some coordinates of each body, from rows over the motions."""
-    parts = [rows[:, stack.body_columns(name)] @ dense(stack.motions(name)[:, own]) for name, own in columns.items()]
-    return np.hstack([np.empty((rows.shape[0], 0)), *parts])
-
-
-def _is_spanned(G: Complex) -> bool:
-    size = np.diagonal(G).real
-    if not (size > 0).all():
-        return False
-    root = np.sqrt(size)
-    try:
-        np.linalg.cholesky(G.real / np.outer(root, root) - _SPANNED * np.eye(root.size))
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
-def _part(A: Matrix | None, own: Ints) -> Real:
-    return np.zeros((own.size, own.size)) if A is None else dense(A[own][:, own])
 
 
 def _interpolation(x: Real) -> Real:

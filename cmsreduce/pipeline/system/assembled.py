@@ -20,6 +20,7 @@ from cmsreduce.assemble import (
     couple,
     damped_modes,
     held_bodies,
+    nearest_closed,
     rigid_response,
     system_modes,
     tabulated,
@@ -123,6 +124,12 @@ class AssembledModel:
     def held(self) -> HeldBodies:
         """The bodies for responses: a body in its dofs is held where the ground holds it."""
         return held_bodies(self.stack, self.scene)
+
+    def closed(self, configuration: Configuration) -> Configuration:
+        """The nearest configuration that closes every loop; one that the scene names stays as it is."""
+        if not configuration.between:
+            return configuration
+        return nearest_closed(self.substructures, self.scene, configuration) or configuration
 
     @_with_parameters
     @once

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import PointStack, assemble, body_receptances, couple, rigid_substructure, wire
+from cmsreduce.assemble import PointStack, assemble, body_receptances, couple, wire
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.errors import MatrixError
 from cmsreduce.model import Damping, Point, Scene
-from tests.assemble.rigs import at, direct, joint, modal, rigid_body
+from tests.assemble.rigs import at, direct, joint, modal
 from tests.frames import line
 from tests.solids import block, face
 
@@ -74,7 +74,7 @@ def by_forces(subs, scene, monkeypatch, omega=OMEGA):
 def test_it_answers_as_the_assembled_matrices_do(law, monkeypatch):
     subs, scene = two_bars(law)
     found = split(subs, scene)
-    assert found is not None and found.stiffness.shape[0] < 20
+    assert found is not None and found.stiffness.shape[0] < 10
     expected = direct(assemble(subs, scene, scene.configurations[0]), OMEGA)
     # The assembled matrices lose seven digits to the stiffest modes; by forces in the joints it is 3e-10 at most.
     assert error(found(OMEGA), expected) < 2e-8
@@ -135,28 +135,12 @@ def test_configurations_with_it_and_without_are_answered_together(monkeypatch):
     assert error(few, many[::5]) < 1e-9 and none.shape == (0, *many.shape[1:])
 
 
-def test_joints_that_the_residual_modes_do_not_move_are_left_to_their_forces():
-    """Rigid bodies welded to each other have no flexibility there."""
-    subs = {"one": bar("one", 0.0, LAWS["modal"])}
-    for name, x in (("mass", 1.7), ("more", 2.0)):
-        faces = {"left": [x, 0.1, 0.1], "right": [x + 0.3, 0.1, 0.1]}
-        subs[name] = rigid_substructure(rigid_body(name, 2.0, [x, 0.1, 0.1], [0.1, 0.1, 0.1], faces))
-    scene = Scene(
-        tuple(subs),
-        (0.0, 200.0),
-        (joint("weld", "mass.right", "more.left"),),
-        ground=(Point("one", "root"),),
-        floating=("mass",),
-        actuators=(at("one.23", "y"),),
-        sensors=(at("one.23", "y"),),
-    )
-    assert split(subs, scene) is None
-
-
 def test_few_forces_few_points_and_many_modes_are_left_to_the_receptances():
     subs, scene = two_bars("modal")
     assert split(subs, scene, OMEGA[:90]) is None
-    assert split(subs, scene, 40 * OMEGA) is None
+    # 54 forces are left to them above 54 modes near the band, when joined.
+    assert split(subs, scene, 40 * OMEGA).stiffness.shape[0] <= 54
+    assert split(subs, scene, 60 * OMEGA) is None
     light = modal(line("one", [0, 0, 0], [1, 0, 0], 30, interfaces={"root": 1}))
     few = replace(scene, bodies=("one",), joints=(), actuators=(), sensors=())
     assert split({"one": light}, few) is None
