@@ -203,16 +203,9 @@ def _node(body: FEModel, point: Point) -> int:
         return int(body.interfaces[point.name].node[0])
     if not point.name.isdigit() or not (body.recovery.dofs.node == int(point.name)).any():
         faces = ", ".join(body.interfaces) or "none"
-        # CalculiX makes several nodes of each node of its shells and beams.
-        made = point.name.isdigit() and any(source.path.lower().endswith(".inp") for source in body.sources)
         raise SceneError(
             f"'{point}': body '{body.name}' has no node or interface '{point.name}' in its matrices "
             f"(interfaces: {faces})"
-            + (
-                ". CalculiX makes other nodes of that of a shell or beam; the .12d file lists them: name one"
-                if made
-                else ""
-            )
         )
     return int(point.name)
 

@@ -6,6 +6,7 @@ Ties and other mechanics belong in `mechanics`; the keys that name files belong 
 
 from cmsreduce.read.ansys import is_row_mapping
 from cmsreduce.read.body import read_body
+from cmsreduce.read.calculix_abaqus import expanded_node
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
 from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect_kind, file_kind
@@ -79,6 +80,7 @@ __all__ = [
     "detect_format",
     "expect_kind",
     "file_kind",
+    "expanded_node",
     "files_read",
     "in_dofs",
     "is_row_mapping",

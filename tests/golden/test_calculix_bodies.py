@@ -1,6 +1,7 @@
 """Bodies of CalculiX go from its files to a run; their frequencies are those that CalculiX prints."""
 
 import json
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -208,6 +209,61 @@ def test_expansion_of_an_earlier_job(tmp_path):
     subprocess.run(["ccx", "bar"], cwd=tmp_path, capture_output=True, timeout=120, check=False)
     assert (tmp_path / "bar.12d").stat().st_size
     np.testing.assert_allclose(frequencies(read(tmp_path))[:4], hertz[6:10], rtol=1e-6)
+
+
+POINTS = """\
+name: bar1
+output: out
+components:
+  bar:
+    stiffness: {file: bar.sti}
+    mass: {file: bar.mas}
+    geometry: {file: bar.inp}
+    interfaces: {}
+    damping: {modal: 0.01}
+scene:
+  band: 20 Hz
+  actuators: {push: {at: bar.1, force: [0, 0, 1]}}
+  sensors: {seen: {at: bar.1, measure: z}}
+reduce: {method: craig-bampton, cutoff: 2}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "node", "advice"),
+    [
+        ("S8R", 23, r"made nodes 104, 105, 106 of node 23 .*: write '(bar\.105)', the one in their middle"),
+        ("S8R", 24, r"made nodes 107, 109 of node 24 .*: write `(rows: {bar\.107\.z: 0\.5, bar\.109\.z: 0\.5})`"),
+        (
+            "B32R",
+            8,
+            r"made nodes 68, 69, 70, 71 .* an interface of bar, `(n8: {node: 8, tie: average})`",
+        ),
+    ],
+)
+def test_a_point_of_a_shell_or_beam_is_refused_with_what_to_write(tmp_path, name, node, advice):
+    """The pipeline runs with it, and the points lie where CalculiX says that the node moves under a static force."""
+    solve(tmp_path, "bar", body(name, held=True), matrices=True)
+    text = POINTS.replace("bar.1,", f"bar.{node},")
+    (tmp_path / "p.yaml").write_text(text)
+    with pytest.raises(CmsReduceError) as refused:
+        opened = Run(load_pipeline(tmp_path / "p.yaml"), tmp_path / "out", Silent())
+        _ = opened.bodies
+    (words,) = re.search(advice, str(refused.value)).groups()
+    if words.startswith("n8"):
+        text = text.replace("{}", f"{{{words}}}").replace("bar.8", "bar.n8")
+    elif words.startswith("rows"):
+        text = text.replace("at: bar.24, force: [0, 0, 1]", words).replace("at: bar.24, measure: z", words)
+    else:
+        text = text.replace(f"bar.{node}", words)
+    (tmp_path / "p.yaml").write_text(text)
+    run = Run(load_pipeline(tmp_path / "p.yaml"), tmp_path / "out", Silent())
+    still = abs(run.in_dofs.response(run.scene.configurations[0], np.array([1e-3])))[0, 0, 0]
+    force = f"*STEP\n*STATIC\n*CLOAD\n{node}, 3, 1.\n*NODE PRINT, NSET=ALL\nU\n*END STEP\n"
+    (tmp_path / "still.inp").write_text(body(name, held=True) + force)
+    subprocess.run(["ccx", "still"], cwd=tmp_path, capture_output=True, timeout=120, check=True)
+    printed = re.search(rf"^\s+{node}((?:\s+\S+E\S+){{3}})\s*$", (tmp_path / "still.dat").read_text(), re.M)
+    assert still == pytest.approx(float(printed[1].split()[2]), rel=2e-5)
 
 
 def test_messages(tmp_path):

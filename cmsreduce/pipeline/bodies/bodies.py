@@ -30,6 +30,7 @@ from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.parameters import body_corners, body_terms
 from cmsreduce.pipeline.bodies.proven_bodies import THOROUGH, ProvenBody, hash_of, matrices_hash, proven_body
+from cmsreduce.pipeline.bodies.scene_ports import scene_ports
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 
 __all__ = ["FlexibleBody", "copy_of", "in_scene", "probing_loads", "read_flexible"]
@@ -266,18 +267,12 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
 def _ports(pipeline: Pipeline, determined: Determined, rigid: NDArray[np.float64], scene: Scene) -> Ports:
     """Inputs and outputs of the scene on a body."""
     body = determined.body
-    ports = _acting(pipeline, body, scene)
+    ports = scene_ports(pipeline, body, scene)
     _check_ports(determined, ports)
     if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
         # No joint and no actuator holds the body: it has no constraint modes.
         return ports.as_loads()
     return ports
-
-
-def _acting(pipeline: Pipeline, body: FEModel, scene: Scene) -> Ports:
-    """Inputs and outputs of the scene on a body, as its reduction asks for them."""
-    keys = pipeline.reduce_of(body.name)
-    return body_ports(body, scene, () if keys is None else keys.residuals)
 
 
 def _check_ports(determined: Determined, ports: Ports) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import body_ports
 from cmsreduce.config import Pipeline
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import DEPENDENT, only_motions, rigid_body_modes
@@ -23,6 +22,7 @@ from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.deck_agreement import statement_of
 from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
 from cmsreduce.pipeline.bodies.plausible_units import implausible_units
+from cmsreduce.pipeline.bodies.scene_ports import scene_ports
 from cmsreduce.read import RowOrderProof, files_read, prove_mass_order, prove_row_order, sha256_of, texts_kept
 from cmsreduce.verify import rigid_motions_proof
 
@@ -138,8 +138,7 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     large = converted.n > _LARGE
     proven = None
     if large:
-        keys = pipeline.reduce_of(name)
-        acting = body_ports(converted, scene, () if keys is None else keys.residuals).interface
+        acting = scene_ports(pipeline, converted, scene).interface
         proven = only_motions(converted.K, _rigid_shapes(converted), converted.stiffness_rounding, acting)
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)

@@ -4,7 +4,8 @@ The text formats of these two programs belong here.
 The reader of other programs' meshes belongs in `read.geometry`.
 """
 
+from cmsreduce.read.calculix_abaqus.expansion import expanded_node
 from cmsreduce.read.calculix_abaqus.matrices import ABAQUS, CALCULIX, dof_list_beside, read_dof_list
 from cmsreduce.read.calculix_abaqus.meshes import FRD, INPUT_FILE
 
-__all__ = ["ABAQUS", "CALCULIX", "FRD", "INPUT_FILE", "dof_list_beside", "read_dof_list"]
+__all__ = ["ABAQUS", "CALCULIX", "FRD", "INPUT_FILE", "dof_list_beside", "expanded_node", "read_dof_list"]

@@ -20,7 +20,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import SCALAR
 from cmsreduce.read.files import read_text
 
-__all__ = ["ExpandedElement", "Expansion", "expansion_beside"]
+__all__ = ["ExpandedElement", "Expansion", "expanded_node", "expansion_beside"]
 
 _KNOT = re.compile(r"KNOT was generated in node\s+(\d+)")
 _ELEMENT = re.compile(
@@ -180,6 +180,12 @@ def expansion_beside(path: Path) -> Expansion | None:
     text = read_text(beside) if beside.stat().st_size else ""
     elements = tuple(_expanded(beside, match) for match in _ELEMENT.finditer(text))
     return Expansion(beside, elements, tuple(map(int, _KNOT.findall(text)))) if elements else None
+
+
+def expanded_node(path: Path, node: int) -> tuple[int, ...]:
+    """Nodes that a node became in the job whose file is given, in ascending order; none if it stayed as it is."""
+    expansion = expansion_beside(path)
+    return () if expansion is None else expansion.nodes.get(node, ())
 
 
 def _expanded(path: Path, match: re.Match[str]) -> ExpandedElement:
