@@ -32,7 +32,7 @@ from cmsreduce.read import (
     read_body,
     read_geometry,
 )
-from tests.golden.calculix_bodies import BODIES, Deck, body, solve, stiffened
+from tests.golden.calculix_bodies import BODIES, STEEL, Deck, body, solve, stiffened
 
 pytestmark = pytest.mark.ccx
 
@@ -209,6 +209,45 @@ def test_expansion_of_an_earlier_job(tmp_path):
     subprocess.run(["ccx", "bar"], cwd=tmp_path, capture_output=True, timeout=120, check=False)
     assert (tmp_path / "bar.12d").stat().st_size
     np.testing.assert_allclose(frequencies(read(tmp_path))[:4], hertz[6:10], rtol=1e-6)
+
+
+def skewed(held: bool) -> str:
+    """Two materials of C3D8R whose opposite faces are not parallel."""
+    deck = Deck().solid("C3D8R", (6, 2, 2), (1, 0.8, 0.6))
+    shift = np.random.default_rng(1).uniform(-0.02, 0.02, (len(deck.nodes), 3))
+    deck.nodes = {
+        (key[0], *(np.array(key[1:]) + by * (key[1] > 0))): n
+        for (key, n), by in zip(deck.nodes.items(), shift, strict=True)
+    }
+    if held:
+        deck.nset("ROOT", deck.at(0))
+        deck.keywords += "*BOUNDARY\nROOT, 1, 3\n"
+    soft = STEEL.replace("STEEL", "SOFT").replace("2.1e11", "0.7e11")
+    two = "*ELSET, ELSET=LEFT, GENERATE\n1, 12\n*ELSET, ELSET=RIGHT, GENERATE\n13, 24\n" + soft
+    section = "*SOLID SECTION, ELSET={}, MATERIAL={}\n"
+    return deck.text().replace(
+        section.format("EC", "STEEL"), two + section.format("LEFT", "STEEL") + section.format("RIGHT", "SOFT")
+    )
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_hourglass_stiffness_that_resists_rotation_is_named(tmp_path, held):
+    """The order of its rows is right; of one with two nodes exchanged something else is said."""
+    solve(tmp_path, "bar", skewed(held), matrices=True)
+    with pytest.raises(CmsReduceError, match=r"the 24 C3D8R of .*bar\.inp make these forces.* with C3D8I or C3D8"):
+        read(tmp_path)
+    (tmp_path / "bar.inp").write_text(skewed(held).replace("C3D8R", "C3D8"))
+    with pytest.raises(CmsReduceError, match="not proven") as without:
+        read(tmp_path)
+    assert "C3D8" not in str(without.value)
+    solve(tmp_path, "bar", skewed(held), matrices=True)
+    listed = (tmp_path / "bar.dof").read_text().split()
+    first, other = listed[30].split(".")[0], listed[60].split(".")[0]
+    new = {first: other, other: first}
+    lines = (".".join((new.get(node, node), dof)) for node, dof in (line.split(".") for line in listed))
+    (tmp_path / "bar.dof").write_text("\n".join(lines) + "\n")
+    with pytest.raises(CmsReduceError, match="rows are shuffled among nodes"):
+        read(tmp_path)
 
 
 POINTS = """\

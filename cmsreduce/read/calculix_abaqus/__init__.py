@@ -5,7 +5,17 @@ The reader of other programs' meshes belongs in `read.geometry`.
 """
 
 from cmsreduce.read.calculix_abaqus.expansion import expanded_node
+from cmsreduce.read.calculix_abaqus.hourglass import hourglass_forces
 from cmsreduce.read.calculix_abaqus.matrices import ABAQUS, CALCULIX, dof_list_beside, read_dof_list
 from cmsreduce.read.calculix_abaqus.meshes import FRD, INPUT_FILE
 
-__all__ = ["ABAQUS", "CALCULIX", "FRD", "INPUT_FILE", "dof_list_beside", "expanded_node", "read_dof_list"]
+__all__ = [
+    "ABAQUS",
+    "CALCULIX",
+    "FRD",
+    "INPUT_FILE",
+    "dof_list_beside",
+    "expanded_node",
+    "hourglass_forces",
+    "read_dof_list",
+]

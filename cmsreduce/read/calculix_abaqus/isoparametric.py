@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SOLIDS", "Integrals", "Solid", "integrals"]
+__all__ = ["SOLIDS", "Integrals", "Solid", "integrals", "mean_slopes"]
 
 Array = NDArray[np.float64]
 Powers = tuple[tuple[int, int, int], ...]
@@ -123,6 +123,17 @@ def integrals(solid: Solid, nodes: Array, points: int) -> Integrals:
     sign = np.where(volume < 0, -1.0, 1.0)
     safe = np.where(volume == 0, 1.0, volume)
     return Integrals(abs(volume), (shares * sign).T, (moment / safe).T, (second * sign).transpose(2, 0, 1))
+
+
+def mean_slopes(solid: Solid, nodes: Array) -> tuple[Array, Array]:
+    """Mean slopes of the shape functions of solids with straight edges (e, k, 3), and volumes (e,)."""
+    total, volume = np.zeros(nodes.shape), np.zeros(len(nodes))
+    for weight, _, slopes in zip(*_quadrature(solid, 2), strict=True):
+        J = slopes @ nodes
+        size = weight * np.linalg.det(J)
+        total += size[:, None, None] * np.linalg.solve(J, slopes[None]).transpose(0, 2, 1)
+        volume += size
+    return total / volume[:, None, None], volume
 
 
 def _quadrature(solid: Solid, points: int) -> tuple[Array, Array, Array]:

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, FEModel, Nodes
 from cmsreduce.read.row_order.held_body import held_rows
-from cmsreduce.read.row_order.likely_cause import Failure, likely_cause, mistaken_matrices, other_order
+from cmsreduce.read.row_order.likely_cause import (
+    Failure,
+    hourglass_stiffness,
+    likely_cause,
+    mistaken_matrices,
+    other_order,
+)
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
 __all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
@@ -189,6 +195,8 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
         rows = np.flatnonzero(np.isin(body.dofs.node, held.wrong))
         worst = rows[found.excess[rows].argmax()]
         head = _not_proven(body, loaded[order], share[order], float(found.allowed[worst]))
+        if (cause := hourglass_stiffness(Failure(body, nodes, found, condensed, held.wrong))) is not None:
+            raise DofMapError(f"{head}. Likely cause: {cause}")
         raise DofMapError(
             f"{head}. Likely cause: {why} the body, but these nodes resist rotation and no translation, which no "
             "support does: rows are shuffled among nodes, the coordinates are of another model, or springs join "

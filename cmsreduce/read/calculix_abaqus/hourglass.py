@@ -1,0 +1,78 @@
+"""Forces by which the hourglass stiffness of CalculiX's C3D8R resists rigid rotation.
+
+One point in an element leaves twelve motions without strain, hourglasses. CalculiX gives them a stiffness (Flanagan and
+Belytschko, Int. J. Numer. Meth. Eng. 17 (1981) 679) along four vectors h_k, from which it takes the linear motion along
+z alone: h_k - b_z (z^T h_k), with b the mean slopes of the shape functions. Where opposite faces of an element are not
+parallel, these vectors see linear motion along x and y, and so rotation.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import DofTable, Nodes
+from cmsreduce.read.calculix_abaqus.decks import blocks, deck_sets, element_nodes
+from cmsreduce.read.calculix_abaqus.isoparametric import SOLIDS, mean_slopes
+
+__all__ = ["hourglass_forces"]
+
+Array = NDArray[np.float64]
+
+_KIND, _CORNERS = "C3D8R", 8
+_CUBE = SOLIDS["C3D8"]
+
+
+def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) -> tuple[list[Array], int]:
+    """Forces of the hourglass stiffness under some motions, up to the modulus of elasticity of each section.
+
+    Parameters
+    ----------
+    path : Path
+        Input file of CalculiX.
+    dofs, nodes : DofTable, Nodes
+        Rows of the matrices, and the geometry.
+    shapes : (n, m) float64
+        Motions of the rows.
+
+    Returns
+    -------
+    forces : list of (n, m) float64
+        One for each section with such elements.
+    count : int
+        Number of these elements.
+    """
+    try:
+        deck = list(blocks(path))
+        sets = deck_sets(deck, {"C3D8": _CORNERS})
+    except (ReadError, ValueError):
+        return [], 0
+    reduced = {
+        number: corners
+        for block in deck
+        if block.keyword == "ELEMENT" and block.option("TYPE") == _KIND
+        for number, corners in element_nodes(block, _CORNERS)
+    }
+    sections = [block.option("ELSET") for block in deck if block.keyword == "SOLID SECTION"]
+    groups = [[reduced[one] for one in sets.elements.get(name, ()) if one in reduced] for name in sections]
+    return [_of_section(np.array(group), dofs, nodes, shapes) for group in groups if group], len(reduced)
+
+
+def _of_section(corners: NDArray[np.int64], dofs: DofTable, nodes: Nodes, shapes: Array) -> Array:
+    """Forces of elements (e, 8) of one material (n, m)."""
+    x = nodes.xyz[nodes.index(corners.ravel())].reshape(len(corners), _CORNERS, 3)
+    slopes, volume = mean_slopes(_CUBE, x)
+    xi, eta, zeta = _CUBE.places.T
+    h = np.stack([eta * zeta, xi * zeta, xi * eta, xi * eta * zeta], axis=1)
+    vectors = h - slopes[:, :, 2:] * (x[:, :, 2] @ h)[:, None]
+    size = np.square(slopes).sum(axis=(1, 2)) * volume
+    rows = np.stack([dofs.rows(node, np.arange(1, 4)) for node in corners.ravel()]).reshape(*corners.shape, 3)
+    # Supports have no rows, and no motion.
+    motion = np.where((rows >= 0)[..., None], shapes[rows], 0.0)
+    force = size[:, None, None, None] * np.einsum("eik,ejk,ejcm->eicm", vectors, vectors, motion)
+    found = np.zeros_like(shapes)
+    np.add.at(found, rows[rows >= 0], force[rows >= 0])
+    return found
