@@ -145,7 +145,7 @@ def _finding_case(finding: Finding) -> ET.Element:
 def _proof_case(proof: Proof) -> ET.Element:
     states = {"proven": "passed", "refuted": "failed"}
     digits = "" if proof.digits is None else f", {math.floor(proof.digits)} digits"
-    line = f"{proof.what}: {proof.state}{digits}{f' - {proof.remark}' if proof.remark else ''}"
+    line = f"{proof.label}: {proof.state}{digits}{f' - {proof.remark}' if proof.remark else ''}"
     state = states.get(proof.state, "skipped")
     return _case(proof.subject, f"proof: {proof.what}", line, state, "proof" if state == "failed" else line)
 

@@ -87,13 +87,14 @@ def proof_lines(proofs: Iterable[Proof]) -> list[tuple[str, str]]:
             same = [each for each in every if (each.what, each.remark, each.state) == (what, remark, state)]
             lines.append((state, f"{what} of {_subjects(same)}{f': {remark}' if remark else ''}"))
     parts = []
-    for what in dict.fromkeys([*PROOFS, *(proof.what for proof in every)]):
-        proven = [proof for proof in every if proof.what == what and proof.state == "proven"]
+    order = [*PROOFS, *(proof.what for proof in every)]
+    for label in dict.fromkeys(proof.label for proof in sorted(every, key=lambda proof: order.index(proof.what))):
+        proven = [proof for proof in every if proof.label == label and proof.state == "proven"]
         if proven:
             known = [proof.digits for proof in proven if proof.digits is not None]
             # Half a digit is not claimed.
             to = f" ({plural(math.floor(min(known)), 'digit')})" if known else ""
-            parts.append(f"{what} of {_subjects(proven)}{to}")
+            parts.append(f"{label} of {_subjects(proven)}{to}")
     return [*lines, ("proven", "; ".join(parts))] if parts else lines
 
 
@@ -102,7 +103,7 @@ def proof_rows(proofs: Iterable[Proof]) -> list[dict[str, Any]]:
     return [
         {
             "subject": proof.subject or _SYSTEM,
-            "what": proof.what,
+            "what": proof.label,
             "meaning": PROOFS.get(proof.what, ""),
             "state": proof.state,
             "digits": "" if proof.digits is None else str(math.floor(proof.digits)),

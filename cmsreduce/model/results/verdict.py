@@ -45,6 +45,8 @@ class Proof:
         Method of the proof, or the reason why there is none.
     subject : str
         Component; empty for the assembled system.
+    only : str
+        Part of it that is proven, such as the ``order`` of a mass whose amount nothing states; empty if all of it is.
     """
 
     what: str
@@ -52,6 +54,12 @@ class Proof:
     digits: float | None = None
     remark: str = ""
     subject: str = ""
+    only: str = ""
+
+    @property
+    def label(self) -> str:
+        """The fact by name, or the part of it that is proven."""
+        return f"{self.what} ({self.only} alone)" if self.only else self.what
 
 
 @dataclass(frozen=True)

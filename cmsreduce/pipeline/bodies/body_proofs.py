@@ -101,6 +101,7 @@ def prove_body(
     rows: RowOrderProof,
     order: MassOrder,
     negative: Mapping[str, int | None],
+    density: str = "",
 ) -> Proven:
     """Prove a body.
 
@@ -114,10 +115,12 @@ def prove_body(
         Proofs of its rows.
     negative : mapping of ``stiffness`` and ``mass`` to int or None
         Motions of negative energy.
+    density : str
+        The density of the body in words, to compare where no deck states its mass.
     """
     checks, row_proof = _rows(rows)
     stiffness, stiffness_proof = _stiffness(body, stated[1], negative["stiffness"])
-    mass, mass_proof = _mass(body, tied, stated[0], rows, order, negative["mass"])
+    mass, mass_proof = _mass(body, tied, stated[0], rows, order, negative["mass"], density)
     return Proven((*checks, *stiffness, *mass), (row_proof, stiffness_proof, mass_proof))
 
 
@@ -161,7 +164,13 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
 
 
 def _mass(
-    body: FEModel, tied: FEModel, stated: StatedMass | None, rows: RowOrderProof, order: MassOrder, negative: int | None
+    body: FEModel,
+    tied: FEModel,
+    stated: StatedMass | None,
+    rows: RowOrderProof,
+    order: MassOrder,
+    negative: int | None,
+    density: str,
 ) -> tuple[list[Finding], Proof]:
     if body.nodes is None or order.status == "scalar":
         refuted = f"{negative} motions have negative energy" if negative else ""
@@ -195,14 +204,17 @@ def _mass(
         )
         return checks, Proof("mass", "refuted", remark=said)
     digits = -math.log10(max(_MASS_ALIKE, _MASS_FACTOR * body.rounding))
+    compare = f"compare {density and f'{density}, '}{_figures(tied)}"
     if not ordered:
-        return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; compare {_figures(tied)}")
+        return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; {compare}")
     if negative is None:
-        return checks, Proof("mass", "unproven", remark=f"its definiteness is not determined; compare {_figures(tied)}")
-    deck = "; mass, centre and inertia agree with the deck" if stated is not None and free else ""
+        return checks, Proof("mass", "unproven", remark=f"its definiteness is not determined; {compare}")
+    amount = any(check.name.startswith("mass against the deck") for check in checks)
+    deck = "; mass, centre and inertia agree with the deck" if amount and free else ""
+    deck += "" if amount else f"; no deck states its amount, which is not proven: {compare}"
     if not any("same mass" in check.name for check in checks):
         deck += "; the body is held, so that its masses along x, y, z are not compared"
-    return checks, Proof("mass", "proven", digits, f"{evidence}{deck}")
+    return checks, Proof("mass", "proven", digits, f"{evidence}{deck}", only="" if amount else "order")
 
 
 def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrder) -> tuple[list[Finding], str]:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
-from cmsreduce.read import quiet_share
+from cmsreduce.read import MassOrder, quiet_share
 
-__all__ = ["Material", "implausible_units", "material_of", "plausible_units"]
+__all__ = ["Material", "implausible_units", "material_of", "plausible_units", "solid_material"]
 
 # Unit systems in use, the most frequent first.
 _SYSTEMS = ("m-kg-s", "mm-t-s", "in-slinch-s", "mm-kg-ms", "mm-g-ms", "mm-kg-s", "cm-g-s", "ft-slug-s", "m-t-s")
@@ -22,6 +23,15 @@ _LIGHTEST, _HEAVIEST, _FASTEST = 1.0, 23_000.0, 14_000.0
 _STRAINED = 10.0
 # A density or a speed that a unit system must give to be proposed in place of another.
 _USUAL_DENSITY, _USUAL_SPEED = (20.0, 23_000.0), (50.0, 14_000.0)
+# No solid is denser than filled rubber and this slow: lead, the slowest metal, has 2200 m/s. None is as light as foam
+# and this fast: balsa, at 100 kg/m^3, has 5000 m/s.
+_DENSE, _SLOW = 2500.0, 300.0
+_AIRY, _FAST = 50.0, 3000.0
+# Mass at a node above so many times the median is that of a lump, which says nothing of the material.
+_LUMP = 20.0
+_AXES = 3
+# Nodes within this share of their reach from a plane have no hull.
+_FLAT = 1e-6
 # Corners of tetrahedra that fill a cell.
 _TETRA = {
     "tetra": ((0, 1, 2, 3),),
@@ -45,11 +55,22 @@ class Material:
         body that is held, whose supports no stretch moves.
     density : float, optional
         Mass by volume of the solid elements; None without any.
+    by_hull : bool
+        The volume is that of the convex hull of the nodes: no solid with these nodes is less dense.
     """
 
     mass: float
     speed: float
     density: float | None = None
+    by_hull: bool = False
+
+    def to_compare(self, units: Units) -> str:
+        """Density in words, as a figure to compare; empty without."""
+        density = self.in_si(units)[1]
+        if density is None:
+            return ""
+        how = "or more if it is solid" if self.by_hull else "by the volume of its elements"
+        return f"{density:.4g} kg/m^3 {how}"
 
     def in_words(self, units: Units) -> str:
         """Speed and density as numbers of m, kg and s."""
@@ -122,20 +143,95 @@ def plausible_units(material: Material) -> tuple[Units | None, str]:
     return None, reason
 
 
-def implausible_units(body: FEModel, declared: Units) -> str:
-    """Remark on declared units in which the waves in a free body are faster than in any material; empty if not.
+def solid_material(body: FEModel, cells: Mapping[str, NDArray[np.int64]], order: MassOrder) -> Material | None:
+    """Figures of the material of a body of solids, without its lumps; None of other bodies.
 
-    The matrices show the speed without the elements, whose file need not be read for it.
+    Parameters
+    ----------
+    body : FEModel
+        As its files have it.
+    cells : mapping of kind to (k, corners) int64
+        Elements, by node ids. Without any, a body of translations with a mass by pairs of nodes counts as solid, and
+        the convex hull of its nodes as its volume.
+    order : MassOrder
+        Pairs of nodes that its mass couples.
+    """
+    found = material_of(body, cells) if set(cells) <= set(_TETRA) else None
+    if found is None or body.nodes is None:
+        return None
+    translations = body.dofs.component.max(initial=0) <= _AXES
+    volume = _volume(body, cells)
+    by_hull = not cells and bool(translations) and order.status in ("proven", "alike")
+    if by_hull:
+        volume = _hull(body)
+    if not volume > 0:
+        return None
+    mass = _without_lumps(body)
+    return Material(mass, found.speed * np.sqrt(found.mass / mass), mass / volume, by_hull) if mass > 0 else None
+
+
+def implausible_units(body: FEModel, declared: Units, solid: Material | None = None) -> str:
+    """Remark on declared units in which a body has waves or a density of no material; empty if not.
+
+    The matrices show the speed in a free body without the elements.
+
+    Parameters
+    ----------
+    body : FEModel
+        As its files have it.
+    declared : Units
+        Their units.
+    solid : Material, optional
+        Figures of a body of solids.
     """
     material = material_of(body, {})
-    if material is None or material.in_si(declared)[0] <= _STRAINED * _FASTEST:
+    if solid is not None and _is_no_solid(*solid.in_si(declared), solid.by_hull):
+        material = solid
+    elif material is None or material.in_si(declared)[0] <= _STRAINED * _FASTEST:
         return ""
-    names = [name for name in _SYSTEMS if _usual(material, Units.parse(name), 1.0)]
+    systems = {name: Units.parse(name) for name in _SYSTEMS}
+    names = [
+        name
+        for name, units in systems.items()
+        if _usual(material, units, 1.0) and not _is_no_solid(*material.in_si(units), material.by_hull)
+    ]
     other = f"; in {names[0]} they have {material.in_words(Units.parse(names[0]))}" if names else ""
     return (
         f"in {declared.name} the matrices have {material.in_words(declared)}, as no material has{other}: "
         "check the `units:` of the body"
     )
+
+
+def _is_no_solid(speed: float, density: float | None, by_hull: bool) -> bool:
+    """True of a density that no solid has, or that none with such slow waves has."""
+    if density is None:
+        return False
+    dense = density > _HEAVIEST or (density > _DENSE and 0 < speed < _SLOW)
+    # The hull of hollow bodies says nothing of how light they are.
+    return dense or (not by_hull and (density < _LIGHTEST or (density < _AIRY and speed > _FAST)))
+
+
+def _without_lumps(body: FEModel) -> float:
+    """Mass along the axis with the most, without what single nodes have above the others."""
+    R = rigid_body_shapes(body.dofs, body.nodes)[:, :_AXES]  # type: ignore[arg-type]
+    of_rows = R * (body.M @ R)
+    axis = int(of_rows.sum(axis=0).argmax())
+    _, node = np.unique(body.dofs.node, return_inverse=True)
+    of_nodes = np.bincount(node, of_rows[:, axis])
+    most = _LUMP * float(np.median(abs(of_nodes[of_nodes != 0])))
+    return float(np.clip(of_nodes, -most, most).sum())
+
+
+def _hull(body: FEModel) -> float:
+    """Volume of the convex hull of the nodes with rows or supports; 0 if they lie in a plane."""
+    assert body.nodes is not None
+    known = body.dofs.node if body.constrained is None else np.concatenate([body.dofs.node, body.constrained.node])
+    at = body.nodes.index(np.unique(known))
+    xyz = body.nodes.xyz[at[at >= 0]]
+    size = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False)
+    if len(xyz) <= _AXES or size[-1] <= _FLAT * size[0]:
+        return 0.0
+    return float(ConvexHull(xyz).volume)
 
 
 def _usual(material: Material, units: Units, margin: float) -> bool:

@@ -21,8 +21,9 @@ from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.deck_agreement import statement_of
 from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
-from cmsreduce.pipeline.bodies.plausible_units import implausible_units
+from cmsreduce.pipeline.bodies.plausible_units import implausible_units, solid_material
 from cmsreduce.pipeline.bodies.scene_ports import scene_ports
+from cmsreduce.pipeline.bodies.wireframe import cells_of
 from cmsreduce.read import RowOrderProof, files_read, prove_mass_order, prove_row_order, sha256_of, texts_kept
 from cmsreduce.verify import rigid_motions_proof
 
@@ -126,6 +127,8 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     with texts_kept():
         as_read, unproven, changed = body_as_read(name, part, part.units_in(scene.units))
         stated = (None, None) if geometry is None else statement_of(geometry, as_read)
+        # A deck with materials says which density is right.
+        cells = cells_of(as_read) if stated[0] is None else None
     # The rows are proven on the matrices as they are read; ties and units change them.
     proof, order = prove_row_order(as_read), prove_mass_order(as_read)
     if unproven:
@@ -152,9 +155,12 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), rounding, name, proven, prove=not large)
     _check_grounded(body, rigid)
     negative = definite(body, proven)
-    proved = prove_body(as_read, converted, stated, proof, order, negative)
+    units = part.units_in(scene.units)
+    solid = None if cells is None else solid_material(as_read, cells, order)
+    density = "" if solid is None else solid.to_compare(units)
+    proved = prove_body(as_read, converted, stated, proof, order, negative, density)
     notes = [*changed, *_mechanisms(body, rigid)]
-    if doubtful := implausible_units(as_read, part.units_in(scene.units)):
+    if doubtful := implausible_units(as_read, units, solid):
         notes.append(f"{name}: {doubtful}")
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")

@@ -117,7 +117,10 @@ def write_markdown(path: Path, findings: list[Finding], verdict: Verdict, checke
 def _proofs(result: StoredResult) -> list[Proof]:
     """Proofs that the run stored; none in a component file, and in a summary of an early version."""
     stored = ((result.summary or {}).get("verdict") or {}).get("proofs") or []
-    return [Proof(each["what"], each["state"], each["digits"], each["remark"], each["subject"]) for each in stored]
+    return [
+        Proof(each["what"], each["state"], each["digits"], each["remark"], each["subject"], each.get("only", ""))
+        for each in stored
+    ]
 
 
 def _errors(result: StoredResult) -> Iterator[Finding]:

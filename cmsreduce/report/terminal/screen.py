@@ -100,7 +100,7 @@ def _merged(run: RunResult) -> Iterator[tuple[str, str]]:
         subjects: dict[str, list[str]] = {}
         for proof in run.verdict.proofs:
             if proof.state == state:
-                subjects.setdefault(proof.what, []).append(proof.subject or "the system")
+                subjects.setdefault(proof.label, []).append(proof.subject or "the system")
         alike: dict[str, list[str]] = {}
         for what, of in subjects.items():
             alike.setdefault("every body" if set(of) == bodies else ", ".join(dict.fromkeys(of)), []).append(what)

@@ -209,6 +209,43 @@ def test_a_condensed_mass_in_another_order_has_no_centre(tmp_path: Path) -> None
     assert proof_of(wrong, "mass").state == "refuted"
 
 
+SOLID_CELLS = brick_cards(CELLS)[:-1]
+
+
+@pytest.mark.parametrize(
+    ("mass", "stiffness", "cards", "density", "note"),
+    [
+        (1.0, 1.0, [], "2700 kg/m^3 or more if it is solid", ""),
+        (1.0, 1.0, SOLID_CELLS, "2700 kg/m^3 by the volume of its elements", ""),
+        (1e-3, 1.0, [], "2.7 kg/m^3 or more if it is solid", "waves of 1.61e+05 m/s"),
+        (1e3, 1.0, [], "2.7e+06 kg/m^3 or more if it is solid", "have 2.7e+06 kg/m^3 and waves of 161 m/s"),
+        (1.0, 1e-3, [], "2700 kg/m^3 or more if it is solid", "have 2.7e+03 kg/m^3 and waves of 161 m/s"),
+        (1e-3, 1e-3, [], "2.7 kg/m^3 or more if it is solid", ""),
+        (1e-3, 1e-3, SOLID_CELLS, "2.7 kg/m^3 by the volume of its elements", "have 2.7 kg/m^3 and waves of 5.09e+03"),
+    ],
+)
+def test_the_amount_of_a_mass_without_materials_is_a_figure_to_compare(
+    tmp_path: Path, mass: float, stiffness: float, cards: list[str], density: str, note: str
+) -> None:
+    """Aluminium, in tonnes or grams, or with K in N/mm, beside grids in metres."""
+    found = opened(tmp_path, replace(BRICK, M=BRICK.M * mass, K=BRICK.K * stiffness), cards)
+    proof = proof_of(found, "mass")
+    assert (proof.state, proof.only, proof.label) == ("proven", "order", "mass (order alone)")
+    assert f"no deck states its amount, which is not proven: compare {density}, mass {1518.75 * mass:g}" in proof.remark
+    said = [each for each in found.notes if "as no material has" in each]
+    assert len(said) == bool(note) and all(note in each for each in said)
+
+
+def test_lumps_on_a_solid_are_no_density(tmp_path: Path) -> None:
+    lump = np.zeros(BRICK.n)
+    lump[BRICK.dofs.rows(17, [1, 2, 3])] = 1e5
+    found = opened(tmp_path, replace(BRICK, M=sp.csc_array(BRICK.M + sp.diags_array(lump))), SOLID_CELLS)
+    assert "compare 3" in proof_of(found, "mass").remark and "kg/m^3 by the volume" in proof_of(found, "mass").remark
+    assert not any("as no material has" in each for each in found.notes)
+    agreed = proof_of(opened(tmp_path, BRICK, brick_cards(CELLS)), "mass")
+    assert agreed.only == "" and "agree with the deck" in agreed.remark
+
+
 @pytest.mark.parametrize("consistent", [True, False])
 def test_a_mass_with_negative_energy_is_refuted(tmp_path: Path, consistent: bool) -> None:
     M = BRICK.M if consistent else sp.diags_array(np.asarray(BRICK.M.sum(axis=0)).ravel(), format="csc")
