@@ -5,7 +5,7 @@ belong here.
 Matrix algorithms without a mechanical meaning belong in `linalg`; checks with a verdict belong in `verify`.
 """
 
-from cmsreduce.mechanics.bars import end_dofs
+from cmsreduce.mechanics.bars import end_dofs, member_stiffness
 from cmsreduce.mechanics.dissipation import (
     LeastDamping,
     least_damping,
@@ -60,6 +60,7 @@ __all__ = [
     "longest_steps",
     "lumped_mass",
     "mass_points",
+    "member_stiffness",
     "mean_axis_motion",
     "modal_integrals",
     "modal_stiffening",

@@ -47,7 +47,7 @@ from cmsreduce.read.row_order import (
     prove_row_order,
     quiet_share,
 )
-from cmsreduce.read.stated import STRAINS, StatedEnergy, StatedMass
+from cmsreduce.read.stated import STRAINS, StatedEnergy, StatedMass, StatedNodes
 from cmsreduce.read.superelement import SuperelementMatrices, superelement_damping, superelement_matrices
 
 __all__ = [
@@ -74,6 +74,7 @@ __all__ = [
     "STRAINS",
     "StatedEnergy",
     "StatedMass",
+    "StatedNodes",
     "deck_energy",
     "deck_mass",
     "deck_statement",

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import Nodes
@@ -24,6 +25,7 @@ __all__ = [
     "NotCountedError",
     "StatedEnergy",
     "StatedMass",
+    "StatedNodes",
     "Statement",
     "are_curved",
     "as_inertia",
@@ -92,6 +94,30 @@ class StatedMass(NamedTuple):
     nodal_if_lumped: bool = True
 
 
+class StatedNodes(NamedTuple):
+    """Stiffness at the nodes of a deck, in its units.
+
+    Parameters
+    ----------
+    stiffness : (6 N, 6 N) sparse array
+        Of bars and springs, for translations and rotations of all N nodes along basic axes.
+    force : (N, 3, 6) float64
+        Forces of solids under the uniform strains of `STRAINS`.
+    terms : (N,) float64
+        Sizes of the forces that add up at each node.
+    known : (N,) bool
+        True for nodes with elements all of which are counted.
+    solid : (N,) bool
+        True for nodes of solids.
+    """
+
+    stiffness: sp.csr_array
+    force: Array
+    terms: Array
+    known: NDArray[np.bool_]
+    solid: NDArray[np.bool_]
+
+
 class StatedEnergy(NamedTuple):
     """Twice the strain energy of a deck under uniform strain, u K u, as a quadratic form of `STRAINS`.
 
@@ -107,6 +133,8 @@ class StatedEnergy(NamedTuple):
         Those of them that plates, bars and beams turn.
     uncounted : tuple of str
         Elements that are not counted.
+    at_nodes : StatedNodes, optional
+        Stiffness at the nodes whose elements are all known.
     """
 
     least: Array
@@ -115,6 +143,7 @@ class StatedEnergy(NamedTuple):
     nodes: NDArray[np.int64]
     turning: NDArray[np.int64]
     uncounted: tuple[str, ...]
+    at_nodes: StatedNodes | None = None
 
     @property
     def exact(self) -> bool:

@@ -26,6 +26,7 @@ from cmsreduce.pipeline.bodies.nodal_mass import (
     moments_toward_neighbours,
     nodes_times_deck,
 )
+from cmsreduce.pipeline.bodies.nodal_stiffness import nodes_against_deck
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass
 from cmsreduce.verify import (
@@ -145,22 +146,33 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
     found = None if stated is None else energy_ratios(body, stated)
     sound = "no motion of negative energy" if negative == 0 else "its definiteness is not determined"
     state: Literal["proven", "unproven"] = "proven" if negative == 0 else "unproven"
-    if stated is None or found is None:
-        why = "no deck states the materials of its rows" if stated is None else "no uniform strain leaves its supports"
-        return [], Proof("stiffness", state, _digits(body), f"{sound}; {why}: compare its frequencies")
-    low, high = found
-    limit = EXACT if stated.exact else BOUNDED
-    off = max(high - 1, 1 / low - 1 if low > 0 else math.inf, 0.0)
-    check = Finding("stiffness against the deck, uniform strain", off, limit, ratio_in_words(low, high))
-    if off > limit:
-        return [check], Proof(
-            "stiffness", "refuted", remark=f"the stiffness is {ratio_in_words(low, high)} under uniform strain"
-        )
-    without = ", ".join(stated.uncounted)
-    only = f"; only a lower bound is known, because these are not counted: {without}" if without else ""
-    agree = "agrees with the deck under uniform strain"
-    agree += "" if stated.exact or only else " within the bounds of its plates and bars"
-    return [check], Proof("stiffness", state, -math.log10(limit), f"{sound}; {agree}{only}")
+    checks: list[Finding] = []
+    agree, digits = [], _digits(body)
+    if stated is not None and found is not None:
+        low, high = found
+        digits = -math.log10(limit := EXACT if stated.exact else BOUNDED)
+        off = max(high - 1, 1 / low - 1 if low > 0 else math.inf, 0.0)
+        words = ratio_in_words(low, high)
+        checks.append(Finding("stiffness against the deck, uniform strain", off, limit, words))
+        if off > limit:
+            return checks, Proof("stiffness", "refuted", remark=f"the stiffness is {words} under uniform strain")
+        without = ", ".join(stated.uncounted)
+        only = f"; only a lower bound is known, because these are not counted: {without}" if without else ""
+        bounds = "" if stated.exact or only else " within the bounds of its plates and bars"
+        agree.append(f"under uniform strain{bounds}{only}")
+    local = None if stated is None or stated.at_nodes is None else nodes_against_deck(body, stated.at_nodes)
+    if local is not None:
+        checks.append(local.check)
+        if not local.check.passed:
+            remark = f"the stiffness of single nodes is not that of the deck: {local.check.note}"
+            return checks, Proof("stiffness", "refuted", remark=remark)
+        agree.append(f"at {local.compared} of {local.nodes} nodes")
+        if local.compared == local.nodes:
+            digits = -math.log10(EXACT)
+    if agree:
+        return checks, Proof("stiffness", state, digits, f"{sound}; agrees with the deck {', '.join(agree)}")
+    why = "no deck states the materials of its rows" if stated is None else "no uniform strain leaves its supports"
+    return [], Proof("stiffness", state, digits, f"{sound}; {why}: compare its frequencies")
 
 
 def _mass(

@@ -12,11 +12,20 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import symmetric_product
 from cmsreduce.mechanics import rigid_mass
-from cmsreduce.model import DofTable, FEModel, Finding, rigid_body_shapes
+from cmsreduce.model import DofTable, FEModel, Finding, Nodes, rigid_body_shapes
 from cmsreduce.read import STRAINS, StatedEnergy, StatedMass, deck_statement
 from cmsreduce.verify import rigid_mass_properties
 
-__all__ = ["BOUNDED", "EXACT", "against_deck", "energy_ratios", "ratio_in_words", "statement_of"]
+__all__ = [
+    "BOUNDED",
+    "EXACT",
+    "against_deck",
+    "energy_ratios",
+    "known_dofs",
+    "ratio_in_words",
+    "statement_of",
+    "uniform_strains",
+]
 
 Array = NDArray[np.float64]
 
@@ -84,7 +93,7 @@ def statement_of(geometry: Path, body: FEModel) -> tuple[StatedMass | None, Stat
     """Mass and strain energy that the deck of a body states, of elements whose nodes have rows or are held."""
     if body.nodes is None:
         return None, None
-    rows = _known(body).rows(body.nodes.id[:, None], np.arange(1, 4)).reshape(-1, 3)
+    rows = known_dofs(body).rows(body.nodes.id[:, None], np.arange(1, 4)).reshape(-1, 3)
     return deck_statement(geometry, body.nodes, np.asarray((rows >= 0).all(axis=1)))
 
 
@@ -92,7 +101,7 @@ def _held(body: FEModel) -> DofTable:
     return body.constrained if body.constrained is not None else DofTable(np.empty(0, int), np.empty(0, int))
 
 
-def _known(body: FEModel) -> DofTable:
+def known_dofs(body: FEModel) -> DofTable:
     """Dofs whose motion is known: those with rows, and those at rest."""
     return body.dofs.joined(_held(body))
 
@@ -104,7 +113,7 @@ def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | 
     """
     assert body.nodes is not None
     ids = body.nodes.id[stated.nodes]
-    held, known = _held(body), _known(body)
+    held, known = _held(body), known_dofs(body)
     turn = (known.rows(body.nodes.id[stated.turning][:, None], np.arange(4, 7)) >= 0).all()
     centre = body.nodes.xyz.mean(axis=0)
     size = float(np.sqrt(np.mean(np.sum((body.nodes.xyz - centre) ** 2, axis=1)))) or 1.0
@@ -113,7 +122,10 @@ def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | 
     if len(held):
         # Translations and strains move by the size of the body; rotations are angles.
         A = np.hstack(
-            [_affine(held, body, centre)[:, :6] * np.repeat([1.0, 1 / size], 3), _strains(held, body, centre) / size]
+            [
+                _affine(held, body, centre)[:, :6] * np.repeat([1.0, 1 / size], 3),
+                uniform_strains(held, body.nodes, centre) / size,
+            ]
         )
         _, s, vt = la.svd(np.vstack([A, np.zeros((12, 12))]), full_matrices=False)
         fields = vt[s <= _AT_REST * max(float(s[0]), 1.0)].T * np.repeat([1.0, 1 / size, 1 / size], (3, 3, 6))[:, None]
@@ -123,7 +135,7 @@ def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | 
         fields, strain = fields @ vt[keep].T, strain @ vt[keep].T
     if not strain.shape[1]:
         return None
-    U = _affine(body.dofs, body, centre) @ fields[:6] + _strains(body.dofs, body, centre) @ strain
+    U = _affine(body.dofs, body, centre) @ fields[:6] + uniform_strains(body.dofs, body.nodes, centre) @ strain
     U = U[:, np.abs(strain).max(axis=0) > 0]
     strain = strain[:, np.abs(strain).max(axis=0) > 0]
     energy = U.T @ symmetric_product(body.K)(U)
@@ -152,13 +164,12 @@ def _affine(dofs: DofTable, body: FEModel, centre: Array) -> Array:
     return rigid_body_shapes(dofs, body.nodes, centre)
 
 
-def _strains(dofs: DofTable, body: FEModel, centre: Array) -> Array:
-    """Displacements (n, 6) under unit uniform strains about a point, without rotations."""
-    assert body.nodes is not None
+def uniform_strains(dofs: DofTable, nodes: Nodes, centre: Array) -> Array:
+    """Displacements (n, 6) under the unit strains of `STRAINS` about a point, without rotations."""
     found = np.zeros((len(dofs), len(STRAINS)))
     rows = np.flatnonzero((dofs.component > 0) & (dofs.component <= 3))
-    at = body.nodes.index(dofs.node[rows])
-    axis, x = body.nodes.frame[at, dofs.component[rows] - 1], body.nodes.xyz[at] - centre
+    at = nodes.index(dofs.node[rows])
+    axis, x = nodes.frame[at, dofs.component[rows] - 1], nodes.xyz[at] - centre
     for k, (i, j) in enumerate(STRAINS):
         found[rows, k] = axis[:, i] * x[:, j] + (axis[:, j] * x[:, i] if i != j else 0.0)
     return found

@@ -15,6 +15,7 @@ from cmsreduce.model import FEModel, Finding, cross_matrix, rigid_body_shapes
 
 __all__ = [
     "MomentsToward",
+    "away_from_supports",
     "exchanges_hidden",
     "lumps",
     "mass_order_by_deck",
@@ -106,7 +107,7 @@ def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding
     wrong_by, like = (_SAME, _SAME) if whole else (_OTHER, _LIKE)
     off = _apart(found, stated, stated.max(initial=0.0))
     name = "mass of each node against the deck"
-    wrong = np.flatnonzero((off > wrong_by) & (whole or _away_from_supports(body, ids)))
+    wrong = np.flatnonzero((off > wrong_by) & (whole or away_from_supports(body, ids)))
     if not wrong.size:
         return Finding(name, float(off.max(initial=0.0)), _SAME) if whole else None
     wrong = wrong[np.argsort(-off[wrong], kind="stable")][:_MOST_NODES]
@@ -142,13 +143,13 @@ def nodes_times_deck(body: FEModel, nodal: Array) -> float | None:
         return None
     # Along a direction without rows a node shows no mass.
     whole = (body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3) >= 0).all(axis=1)
-    whole &= _away_from_supports(body, ids) & (abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0))
+    whole &= away_from_supports(body, ids) & (abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0))
     ratio = np.trace(P[whole], axis1=1, axis2=2) / 3 / nodal[at[whole]]
     most = float(np.median(ratio)) if ratio.size else 0.0
     return most if (abs(ratio - most) <= _SAME * abs(most)).sum() > _MOST * ratio.size else None
 
 
-def _away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
     """True for nodes that K couples with no support, which resists translation and takes a part of their momentum."""
     assert body.nodes is not None
     T = rigid_body_shapes(body.dofs, body.nodes)[:, :3]

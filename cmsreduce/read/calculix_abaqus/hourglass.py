@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable, Nodes
 from cmsreduce.read.calculix_abaqus.decks import blocks, deck_sets, element_nodes
-from cmsreduce.read.calculix_abaqus.isoparametric import SOLIDS, mean_slopes
+from cmsreduce.read.isoparametric import SOLIDS, integrals, slope_integrals
 
 __all__ = ["hourglass_forces"]
 
@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 _KIND, _CORNERS = "C3D8R", 8
 _CUBE = SOLIDS["C3D8"]
+# Gauss points each way, as for the mean slopes of straight edges.
+_POINTS = 2
 
 
 def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) -> tuple[list[Array], int]:
@@ -64,7 +66,8 @@ def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) ->
 def _of_section(corners: NDArray[np.int64], dofs: DofTable, nodes: Nodes, shapes: Array) -> Array:
     """Forces of elements (e, 8) of one material (n, m)."""
     x = nodes.xyz[nodes.index(corners.ravel())].reshape(len(corners), _CORNERS, 3)
-    slopes, volume = mean_slopes(_CUBE, x)
+    volume = integrals(_CUBE, x, _POINTS).volume
+    slopes = slope_integrals(_CUBE, x, _POINTS) / volume[:, None, None]
     xi, eta, zeta = _CUBE.places.T
     h = np.stack([eta * zeta, xi * zeta, xi * eta, xi * eta * zeta], axis=1)
     vectors = h - slopes[:, :, 2:] * (x[:, :, 2] @ h)[:, None]

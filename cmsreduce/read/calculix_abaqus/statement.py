@@ -12,19 +12,22 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, longest_start
-from cmsreduce.read.calculix_abaqus.isoparametric import SOLIDS, Solid, integrals
+from cmsreduce.read.isoparametric import SOLIDS, Solid, are_affine, integrals, slope_integrals
 from cmsreduce.read.stated import (
+    SAME_PLACE,
     EnergyPart,
     MassPart,
     NotCountedError,
     StatedEnergy,
     StatedMass,
+    StatedNodes,
     are_curved,
     point_mass,
     solid_energy,
     sum_of_energies,
     sum_of_masses,
 )
+from cmsreduce.read.stated_nodes import SolidForces, solid_forces, sum_at_nodes
 
 __all__ = ["input_file_statement"]
 
@@ -116,7 +119,10 @@ def input_file_statement(
     if any(block.keyword in _STRESSED for block in deck):
         return mass, None
     without += dict.fromkeys(f"*{block.keyword}" for block in deck if block.keyword in _STIFFENING)
-    return mass, sum_of_energies(parts, without)
+    energy = sum_of_energies(parts, without)
+    stiffened = any(block.keyword in _STIFFENING for block in deck)
+    at_nodes = None if stiffened else _at_nodes(solids, materials, nodes, moving)
+    return mass, None if energy is None else energy._replace(at_nodes=at_nodes)
 
 
 def _mass(
@@ -193,7 +199,7 @@ def _energies(
         curved, on_rows = each.curved(nodes), moving[each.nodes].all(axis=1)
         own = each.nodes[on_rows & ~curved]
         volume = integrals(each.solid, nodes.xyz[own], _VOLUME).volume
-        G, lame = made.E / (2 * (1 + made.nu)), made.E * made.nu / (1 + made.nu) / (1 - 2 * made.nu)
+        G, lame = _moduli(made)
         if own.size:
             parts.append(solid_energy(own.ravel(), volume, np.full(len(own), G), np.full(len(own), lame)))
         if curved.any():
@@ -201,6 +207,35 @@ def _energies(
         if not on_rows.all():
             without.append(f"{(~on_rows).sum()} {each.kind} on points without rows")
     return parts, without
+
+
+def _at_nodes(
+    solids: Sequence[_Elements], materials: dict[str, _Material], nodes: Nodes, moving: NDArray[np.bool_]
+) -> StatedNodes | None:
+    """Forces of the solids at their nodes; None if a node without rows gives its forces to others.
+
+    Reduced integration of skew elements gives other forces, and wedges of two orders are not integrated exactly.
+    """
+    found: list[SolidForces] = []
+    beside: list[Ids] = []
+    for each in solids:
+        if not moving[each.nodes].all():
+            return None
+        made, x = materials.get(each.material, _Material()), nodes.xyz[each.nodes]
+        whole = each.solid.collapsed == 0 and not each.reduced
+        sure = ~each.curved(nodes) & (whole | are_affine(each.solid, x, SAME_PLACE)) & (not np.isnan(made.E))
+        G, lame = _moduli(made)
+        slopes = slope_integrals(each.solid, x[sure], _POINTS if whole else _VOLUME)
+        count = int(sure.sum())
+        found.append(solid_forces(each.nodes[sure], slopes, np.full(count, G), np.full(count, lame)))
+        beside.append(each.nodes[~sure].ravel())
+    none = np.zeros(0, dtype=np.int64)
+    return sum_at_nodes(len(nodes), found, None, none, np.concatenate([none, *beside]))
+
+
+def _moduli(made: _Material) -> tuple[float, float]:
+    """Lame's constants, G first."""
+    return made.E / (2 * (1 + made.nu)), made.E * made.nu / (1 + made.nu) / (1 - 2 * made.nu)
 
 
 def _at(each: _Elements, nodes: Nodes) -> _Elements:

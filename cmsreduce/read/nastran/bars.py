@@ -17,7 +17,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Bars, Members, Nodes, Units
 from cmsreduce.read.nastran.cards import FIELDS_PER_LINE, Card, Cards, read_cards
 
-__all__ = ["bars_in_units", "offsets_of", "read_bars", "read_members"]
+__all__ = ["bars_in_units", "offsets_of", "orientation_of", "read_bars", "read_members", "released_at"]
 
 Array = NDArray[np.float64]
 
@@ -149,14 +149,14 @@ def offsets_of(card: Card) -> Array:
     return offset
 
 
-def _released_at(card: Card) -> list[set[str]]:
+def released_at(card: Card) -> list[set[str]]:
     """Components in which the two ends of a CBAR or CBEAM are free (pins), along its own axes."""
     return [set(card.text(k).replace("0", "")) for k in (8, 9)]
 
 
 def _hinges(card: Card) -> tuple[bool, bool]:
     """True for each end that is free to turn across the bar; if both are, the bar stays straight, as a rod does."""
-    pins = _released_at(card)
+    pins = released_at(card)
     if any(pin and not {"5", "6"} <= pin <= {"4", "5", "6"} for pin in pins):
         raise ReadError(
             f"{card.where} {card.integer(0)}: its ends are released (pins) otherwise than in both bendings; no "
@@ -265,13 +265,13 @@ def _elastic_bar(card: Card, cards: Cards, moduli: Mapping[int, tuple[float, flo
         raise ReadError(f"{card.where} {card.integer(0)}: the deck has no GRID {ends[int(at[0] >= 0)]}")
     offset = np.array([nodes.frame[k].T @ w for k, w in zip(at, offsets_of(card), strict=True)])
     shear = np.array([1 / (k * G * A) if k * G * A else 0.0 for k in (K1, K2)])
-    pins = _released_at(card)
+    pins = released_at(card)
     released = [str(c) in pins[end] for end in range(2) for c in range(1, 7)]
     EI = E * np.array([[I1, I12], [I12, I2]])
-    return ends, offset, _orientation(card, nodes, int(at[0])), E * A, G * J, EI, shear, released
+    return ends, offset, orientation_of(card, nodes, int(at[0])), E * A, G * J, EI, shear, released
 
 
-def _orientation(card: Card, nodes: Nodes, at: int) -> Array:
+def orientation_of(card: Card, nodes: Nodes, at: int) -> Array:
     """Orientation vector in basic, given as a vector at the first end or as a grid."""
     if card.text(4).isdigit() and not card.text(5):
         to = int(nodes.index(card.integer(4))[0])

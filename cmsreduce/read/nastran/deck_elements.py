@@ -27,6 +27,8 @@ __all__ = [
     "Faces",
     "Material",
     "Section",
+    "isotropic",
+    "lame_of",
     "node_index",
     "stated_elements",
 ]
@@ -49,14 +51,21 @@ _CARDS = (
     # Cards of mass alone, then of stiffness alone.
     *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1"),
     *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
-    *("GENEL", *UNCOUNTED),
+    *("GENEL", "PELAS", "MATT1", *UNCOUNTED),
 )
+_CONSTRAINTS = ("MPC", "RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RROD", "RTRPLT", "RSPLINE", "RSSCON", "RJOINT")
 # A listing echoes the cards behind their count. A pattern that begins with one character is searched for quickly.
 _STATED = re.compile(rb"\n(?: +\d+- {8})?(?:CONM[12]|MAT1)\b", re.IGNORECASE)
-# Fields of PBAR, PBEAM and PROD: area, moments I1, I2, I12 and non-structural mass per length.
-_FIELDS = {"PBAR": (2, 3, 4, 18, 6), "PBEAM": (2, 3, 4, 5, 7), "PROD": (2, None, None, None, 5)}
+# A static subcase whose stress stiffens the modes; the end of a case control; loads of such a subcase.
+_STATIC = re.compile(rb"\n *STATSUB\b", re.IGNORECASE)
+_CONTROL = re.compile(rb"\n *CEND\b", re.IGNORECASE)
+_LOADS = re.compile(rb"\n(?:FORCE|MOMENT|PLOAD|TEMP|DEFORM|SPCD|GRAV|RFORCE|ACCEL)", re.IGNORECASE)
+# Fields of PBAR, PBEAM and PROD: area, moments I1, I2, I12, torsion constant and non-structural mass per length.
+_FIELDS = {"PBAR": (2, 3, 4, 18, 5, 6), "PBEAM": (2, 3, 4, 5, 6, 7), "PROD": (2, None, None, None, 3, 5)}
 # Factors of the shear area: of a PBAR none by default, so that shear is not counted; of a PBEAM 1.
 _SHEAR = {"PBAR": (16, 17, 0.0), "PBEAM": (16, 17, 1.0)}
+# Moduli that contradict each other by more make no isotropic material.
+_ISOTROPIC = 1e-3
 _PLAIN_BEAM = 8  # fields of a PBEAM before its stations
 _DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
 # Programs find the shear area of a section by its shape; where they differ, or it depends on the walls, the least.
@@ -85,8 +94,12 @@ class Section:
         Area.
     moments : (2, 2) float64
         I1, I12; I12, I2.
+    torsion : float
+        Torsion constant; not a number (nan) where programs find different ones.
     shear : (2,) float64
         Factors of the area in shear; 0 for a bar without shear deflection.
+    shear_known : bool
+        True if the deck states them.
     per_length : float
         Mass per length that is no structure.
     """
@@ -94,7 +107,9 @@ class Section:
     material: int
     area: float
     moments: Array
+    torsion: float
     shear: Array
+    shear_known: bool
     per_length: float
 
 
@@ -112,12 +127,15 @@ class Bar:
         Section.
     pinned : bool
         True if an end is released in some component.
+    card : Card
+        Its card.
     """
 
     nodes: Indices
     ends: Array
     section: Section
     pinned: bool
+    card: Card
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +181,8 @@ class Elements:
         Cards of the deck.
     nodes : Nodes
         Its grids.
+    prestressed : bool
+        True if matrices of the deck may have a stiffness by stress.
 
     Raises
     ------
@@ -172,8 +192,13 @@ class Elements:
         of its nodes between corners only.
     """
 
-    def __init__(self, cards: Cards, nodes: Nodes) -> None:
-        self.cards, self.nodes = cards, nodes
+    def __init__(self, cards: Cards, nodes: Nodes, prestressed: bool = False) -> None:
+        self.cards, self.nodes, self.prestressed = cards, nodes, prestressed
+
+    @property
+    def constraints(self) -> list[CardTable]:
+        """Cards of rigid elements and equations."""
+        return [self.cards[name] for name in _CONSTRAINTS if name in self.cards]
 
     @cached_property
     def materials(self) -> dict[int, Material]:
@@ -210,12 +235,34 @@ def stated_elements(path: Path, nodes: Nodes) -> Elements | None:
     """Elements of a deck that states masses or materials; None if the file is no deck, or holds superelements."""
     try:
         # A search of the bytes is fast, also in large decks without materials.
-        if not _STATED.search(b"\n" + path.read_bytes()):
+        text = b"\n" + path.read_bytes()
+        if not _STATED.search(text):
             return None
-        sections = read_cards(path, set(_CARDS)).sections
+        sections = read_cards(path, {*_CARDS, *_CONSTRAINTS}).sections
     except (OSError, ReadError):
         return None
-    return Elements(sections.get(0, {}), nodes) if len(sections) <= 1 else None
+    # Without a case control, any load may have stressed the structure.
+    prestressed = bool(_STATIC.search(text) or (not _CONTROL.search(text) and _LOADS.search(text)))
+    return Elements(sections.get(0, {}), nodes, prestressed) if len(sections) <= 1 else None
+
+
+def isotropic(number: int, materials: Mapping[int, Material]) -> Material:
+    """Material by its number.
+
+    Raises
+    ------
+    NotCountedError
+        If there is none, or its moduli are not those of an isotropic one.
+    """
+    found = materials.get(number)
+    if found is None or not found.E > 0 or abs(2 * found.G * (1 + found.nu) / found.E - 1) > _ISOTROPIC:
+        raise NotCountedError
+    return found
+
+
+def lame_of(material: Material) -> float:
+    """First constant of Lame."""
+    return material.E * material.nu / (1 + material.nu) / (1 - 2 * material.nu)
 
 
 def node_index(nodes: Nodes, node: int) -> int:
@@ -238,7 +285,7 @@ def _bars_of(cards: Cards, nodes: Nodes) -> Iterator[Bar]:
         for card in cards.get(name, ()):
             first = 2
             if name == "CONROD":
-                rod = np.zeros((2, 2)), np.zeros(2)
+                rod = np.zeros((2, 2)), card.real(5), np.zeros(2), True
                 made, first = Section(card.integer(3), card.real(4), *rod, card.real(7)), 1
             else:
                 key = (kind, card.integer(1, card.integer(0)))
@@ -250,7 +297,7 @@ def _bars_of(cards: Cards, nodes: Nodes) -> Iterator[Bar]:
             if name in ("CBAR", "CBEAM"):
                 ends += [nodes.frame[k].T @ w for k, w in zip(at, offsets_of(card), strict=True)]
                 pinned = any(card.text(k).strip("0") for k in (8, 9))
-            yield Bar(at, ends, made, pinned)
+            yield Bar(at, ends, made, pinned, card)
 
 
 def _plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
@@ -310,7 +357,7 @@ def _sections(cards: Cards) -> Iterator[tuple[str, int, Section]]:
     for name, kind in _SHAPED.items():
         for card in cards.get(name, ()):
             yield kind, card.integer(0), _section_by_shape(card)
-    for name, (area, first, second, mixed, more) in _FIELDS.items():
+    for name, (area, first, second, mixed, twist, more) in _FIELDS.items():
         for card in cards.get(name, ()):
             last = _PLAIN_BEAM + 8
             if name == "PBEAM" and any(card.text(k) for k in range(last, len(card.fields))):
@@ -319,7 +366,8 @@ def _sections(cards: Cards) -> Iterator[tuple[str, int, Section]]:
             at = _SHEAR.get(name)
             shear = np.zeros(2) if at is None else np.array([card.real(k, at[2]) for k in at[:2]])
             moments = np.array([[I1, I12], [I12, I2]])
-            yield name, card.integer(0), Section(card.integer(1), card.real(area), moments, shear, card.real(more))
+            own = card.real(area), moments, card.real(twist), shear, name != "PBEAM", card.real(more)
+            yield name, card.integer(0), Section(card.integer(1), *own)
 
 
 def _section_by_shape(card: Card) -> Section:
@@ -343,4 +391,6 @@ def _section_by_shape(card: Card) -> Section:
         bending = ((d[0] * d[1] ** 3 - w * h**3) / 12, (d[1] * d[0] ** 3 - h * w**3) / 12)
     # The walls of a box along the force carry its shear.
     walls = [(d[0] - w) * h / area, (d[1] - h) * w / area] if shape == "BOX" else [_LEAST_SHEAR[shape]] * 2
-    return Section(card.integer(1), float(area), np.diag(bending), np.array(walls), card.real(8 + count))
+    # Round sections alone have one torsion constant.
+    twist = 2 * bending[0] if shape in ("ROD", "TUBE") else np.nan
+    return Section(card.integer(1), float(area), np.diag(bending), twist, np.array(walls), False, card.real(8 + count))

@@ -21,9 +21,12 @@ from cmsreduce.read.nastran.deck_elements import (
     Elements,
     Faces,
     Material,
+    isotropic,
+    lame_of,
     stated_elements,
 )
 from cmsreduce.read.nastran.deck_mass import mass_of, solid_volumes
+from cmsreduce.read.nastran.deck_nodes import nodes_of
 from cmsreduce.read.stated import (
     SAME_PLACE,
     STRAINS,
@@ -43,8 +46,6 @@ Array = NDArray[np.float64]
 _OTHERS = (*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL")
 # Springs between points at one place take no energy from a uniform strain.
 _SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
-# Moduli that contradict each other by more make no isotropic material.
-_ISOTROPIC = 1e-3
 _EDGES = {
     4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
     6: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 4), (2, 5), (3, 4), (4, 5), (5, 3)),
@@ -95,7 +96,8 @@ def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEne
         parts += of_these
         if lost:
             without.append(f"{lost} {', '.join(name for name in names if cards.get(name))} on points without rows")
-    return sum_of_energies(parts, without)
+    stated = sum_of_energies(parts, without)
+    return None if stated is None else stated._replace(at_nodes=nodes_of(elements, moving))
 
 
 def deck_statement(
@@ -107,13 +109,6 @@ def deck_statement(
     """
     elements = stated_elements(path, nodes)
     return mass_of(elements), energy_of(elements, moving)
-
-
-def _isotropic(number: int, materials: dict[int, Material]) -> Material:
-    found = materials.get(number)
-    if found is None or not found.E > 0 or abs(2 * found.G * (1 + found.nu) / found.E - 1) > _ISOTROPIC:
-        raise NotCountedError
-    return found
 
 
 def _strain_of(direction: Array, other: Array) -> Array:
@@ -141,8 +136,8 @@ def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyP
         if are_curved(corners, nodes.xyz[faces.between], np.array(_EDGES[faces.corners])).any():
             raise NotCountedError
         volume = solid_volumes(corners, points=2)[0]
-        G = faces.each(lambda p: _isotropic(p.integer(1), materials).G)
-        lame = faces.each(lambda p: _lame(_isotropic(p.integer(1), materials)))
+        G = faces.each(lambda p: isotropic(p.integer(1), materials).G)
+        lame = faces.each(lambda p: lame_of(isotropic(p.integer(1), materials)))
         parts.append(solid_energy(np.concatenate([faces.nodes.ravel(), faces.between.ravel()]), volume, G, lame))
     return parts, lost
 
@@ -192,16 +187,11 @@ def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyP
 
 def _layer(card: Card, k: int, materials: dict[int, Material]) -> Material:
     """Material that a PSHELL names in a field; one without stiffness if the field is blank."""
-    return _isotropic(card.integer(k), materials) if card.text(k) else Material(0.0, 0.0, 0.0, 0.0)
+    return isotropic(card.integer(k), materials) if card.text(k) else Material(0.0, 0.0, 0.0, 0.0)
 
 
 def _plane_strain(material: Material) -> float:
     return material.E / (1 - material.nu**2)
-
-
-def _lame(material: Material) -> float:
-    """First constant of Lame."""
-    return material.E * material.nu / (1 + material.nu) / (1 - 2 * material.nu)
 
 
 def _bars(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], int]:

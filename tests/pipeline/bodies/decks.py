@@ -30,10 +30,16 @@ def brick_cards(cells: Sequence[int], *, density: float = RHO) -> list[str]:
     return [*cards, "PSOLID,1,1", f"MAT1,1,{E:.6E},,{NU},{density}"]
 
 
-def bar_cards(bars: Sequence[tuple[int, int]]) -> list[str]:
-    """CBAR cards of a frame of `tests.frames`."""
-    cards = [f"CBAR,{k},1,{a},{b},.3,.5,.8" for k, (a, b) in enumerate(bars, 1)]
-    section = f"PBAR,1,1,{BAR.A:.6E},{BAR.Iy:.6E},{BAR.Iz:.6E},{BAR.J:.6E}"
+def bar_cards(bars: Sequence[tuple[int, int]], xyz: Sequence[Sequence[float]]) -> list[str]:
+    """CBAR cards of a frame of `tests.frames`, with its first plane of bending."""
+    cards = []
+    for k, (a, b) in enumerate(bars, 1):
+        x = np.asarray(xyz[b - 1], dtype=float) - np.asarray(xyz[a - 1], dtype=float)
+        up = [0.0, 0.0, 1.0] if abs(x[2]) < 0.9 * np.linalg.norm(x) else [0.0, 1.0, 0.0]
+        y = np.cross(up, x)
+        y /= np.linalg.norm(y)
+        cards.append(f"CBAR,{k},1,{a},{b},{y[0]:.6f},{y[1]:.6f},{y[2]:.6f}")
+    section = f"PBAR,1,1,{BAR.A:.6E},{BAR.Iz:.6E},{BAR.Iy:.6E},{BAR.J:.6E}"
     return [*cards, section, f"MAT1,1,{BAR.E:.6E},{BAR.G:.6E},,{BAR.rho}"]
 
 

@@ -1,4 +1,4 @@
-"""Solids of CalculiX and Abaqus: integrals over isoparametric elements with straight or curved edges."""
+"""Integrals over isoparametric solids with straight or curved edges, named as in CalculiX and Abaqus."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SOLIDS", "Integrals", "Solid", "integrals", "mean_slopes"]
+__all__ = ["SOLIDS", "Integrals", "Solid", "are_affine", "integrals", "slope_integrals"]
 
 Array = NDArray[np.float64]
 Powers = tuple[tuple[int, int, int], ...]
@@ -125,15 +125,37 @@ def integrals(solid: Solid, nodes: Array, points: int) -> Integrals:
     return Integrals(abs(volume), (shares * sign).T, (moment / safe).T, (second * sign).transpose(2, 0, 1))
 
 
-def mean_slopes(solid: Solid, nodes: Array) -> tuple[Array, Array]:
-    """Mean slopes of the shape functions of solids with straight edges (e, k, 3), and volumes (e,)."""
-    total, volume = np.zeros(nodes.shape), np.zeros(len(nodes))
-    for weight, _, slopes in zip(*_quadrature(solid, 2), strict=True):
-        J = slopes @ nodes
-        size = weight * np.linalg.det(J)
-        total += size[:, None, None] * np.linalg.solve(J, slopes[None]).transpose(0, 2, 1)
-        volume += size
-    return total / volume[:, None, None], volume
+def slope_integrals(solid: Solid, nodes: Array, points: int) -> Array:
+    """Integrals (e, k, 3) of the slopes of the shape functions along x, y, z, over solids (e, k, 3).
+
+    Two Gauss points each way are exact for parallel edges, three for straight ones.
+
+    Examples
+    --------
+    >>> cube = SOLIDS["C3D8"]
+    >>> slope_integrals(cube, cube.places[None] * [1.0, 1.0, 2.0], 2)[0, 0].round(9).tolist()
+    [-2.0, -2.0, -1.0]
+    """
+    found = np.zeros(nodes.shape)
+    volume = np.zeros(len(nodes))
+    for weight, _, slopes in zip(*_quadrature(solid, points), strict=True):
+        a, b, c = np.moveaxis(slopes @ nodes, 1, 0)
+        # Rows of the adjugate: the inverse of the map's Jacobian times its determinant.
+        adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
+        found += weight * (adjugate @ slopes).transpose(0, 2, 1)
+        volume += weight * np.einsum("ei,ei->e", a, np.cross(b, c))
+    return np.asarray(found * np.where(volume < 0, -1.0, 1.0)[:, None, None])
+
+
+def are_affine(solid: Solid, nodes: Array, tolerance: float) -> NDArray[np.bool_]:
+    """True for solids (e, k, 3) whose nodes are an affine map of those of the reference element.
+
+    ``tolerance`` is the distance of places that are the same, relative to the size of each element.
+    """
+    basis = np.hstack([np.ones((len(solid.places), 1)), solid.places])
+    off = nodes - (basis @ np.linalg.pinv(basis)) @ nodes
+    size = np.ptp(nodes, axis=1).max(axis=1)
+    return np.asarray((np.linalg.norm(off, axis=2) <= tolerance * size[:, None]).all(axis=1))
 
 
 def _quadrature(solid: Solid, points: int) -> tuple[Array, Array, Array]:

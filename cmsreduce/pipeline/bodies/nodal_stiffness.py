@@ -1,0 +1,228 @@
+"""Stiffness of a body at its nodes against the deck: evidence that no sum over the body has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.blocks import absolute
+from cmsreduce.model import FEModel, Finding
+from cmsreduce.pipeline.bodies.deck_agreement import EXACT, known_dofs, ratio_in_words, uniform_strains
+from cmsreduce.pipeline.bodies.nodal_mass import away_from_supports
+from cmsreduce.read import STRAINS, StatedNodes
+
+__all__ = ["NodesAgainstDeck", "nodes_against_deck"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+# A motion of a node that its elements resist less than the stiffest, in units of the diagonal, is not compared.
+_NO_FORCE = 1e-9
+# Roundings of a force that adds up; displacements of both ends of an element by wrong coordinates.
+_ROUNDINGS, _PLACES = 10.0, 4.0
+# Digits that leave so large a difference open show nothing.
+_BLIND = 0.1
+_NAMED = 5
+
+
+@dataclass(frozen=True)
+class NodesAgainstDeck:
+    """Result of the comparison.
+
+    Parameters
+    ----------
+    check : Finding
+        Largest difference at a node, relative, beyond what the digits of matrix and coordinates allow.
+    compared, nodes : int
+        Nodes that were compared, and all nodes with rows.
+    """
+
+    check: Finding
+    compared: int
+    nodes: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Differences:
+    """Nodes, their relative differences, and least and largest ratio to the deck."""
+
+    at: Indices
+    off: Array
+    low: Array
+    high: Array
+
+
+def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck | None:
+    """Compare the stiffness at each node with the elements of the deck there.
+
+    Rows of nodes that bars and springs alone hold are compared entry by entry, relative to the stiffness of both nodes
+    in each direction, so that twist and bending show beside stretch. Nodes of solids are compared by their forces
+    under uniform strains, which show at every surface and at every face between two materials.
+
+    Parameters
+    ----------
+    body : FEModel
+        As read, with the deck's nodes.
+    stated : StatedNodes
+        Stiffness of the elements.
+
+    Returns
+    -------
+    NodesAgainstDeck or None
+        None if no node is compared.
+    """
+    assert body.nodes is not None
+    at = body.nodes.index(body.dofs.node)
+    rows = np.flatnonzero((body.dofs.component > 0) & (at >= 0))
+    E = _directions(body, rows)
+    whole = _whole(body, stated)
+    # An element on a dof without rows gives its stiffness to others.
+    lost = np.asarray(abs(stated.stiffness) @ np.repeat(~whole, 6).astype(float)).reshape(-1, 6).any(axis=1)
+    known = stated.known & whole & ~lost
+    found = [
+        _of_bars(body, sp.csr_array(E @ stated.stiffness @ E.T), rows, known & ~stated.solid),
+        _of_solids(body, stated, E, rows, known & stated.solid),
+    ]
+    at, off, low, high = (
+        np.concatenate([getattr(each, name) for each in found]) for name in ("at", "off", "low", "high")
+    )
+    if not at.size:
+        return None
+    order = np.argsort(-off, kind="stable")
+    wrong = order[off[order] > EXACT]
+    note = ""
+    if wrong.size:
+        named = ", ".join(str(body.nodes.id[k]) for k in at[wrong[:_NAMED]])
+        more = f" and {wrong.size - _NAMED} more" if wrong.size > _NAMED else ""
+        first = wrong[0]
+        note = f"at node {named}{more}; at the first {ratio_in_words(float(low[first]), float(high[first]))}"
+    check = Finding("stiffness of each node against the deck", float(off[order[0]]), EXACT, note)
+    return NodesAgainstDeck(check, at.size, np.unique(body.dofs.node[rows]).size)
+
+
+def _directions(body: FEModel, rows: Indices) -> sp.csr_array:
+    """Direction of each row among translations and rotations of all nodes along basic axes (rows, 6 N)."""
+    assert body.nodes is not None
+    at, component = body.nodes.index(body.dofs.node[rows]), body.dofs.component[rows].astype(np.int64)
+    axis = body.nodes.frame[at, (component - 1) % 3]
+    columns = (6 * at + 3 * ((component - 1) // 3))[:, None] + np.arange(3)
+    start = np.arange(0, 3 * rows.size + 1, 3)
+    return sp.csr_array((axis.ravel(), columns.ravel(), start), shape=(rows.size, 6 * len(body.nodes)))
+
+
+def _whole(body: FEModel, stated: StatedNodes) -> Flags:
+    """True for nodes (N,) with a known motion in every dof that the elements resist."""
+    assert body.nodes is not None
+    known = known_dofs(body).rows(body.nodes.id[:, None], np.arange(1, 7)).reshape(-1, 6) >= 0
+    turned = stated.stiffness.diagonal().reshape(-1, 6)[:, 3:].any(axis=1)
+    return np.asarray(known[:, :3].all(axis=1) & (known[:, 3:].all(axis=1) | ~turned))
+
+
+def _of_bars(body: FEModel, S: sp.csr_array, rows: Indices, known: Flags) -> _Differences:
+    """Differences of the rows of nodes that bars and springs hold."""
+    assert body.nodes is not None
+    place = body.nodes.index(body.dofs.node[rows])
+    own = np.flatnonzero(known[place])
+    at, of = np.unique(place[own], return_inverse=True)
+    if not at.size:
+        return _Differences(at, np.zeros(0), np.zeros(0), np.zeros(0))
+    S = sp.csr_array(S[own][:, own])
+    K = sp.csr_array(sp.csr_array(body.K[rows[own]])[:, rows[own]])
+    W = _scaling(S, of, (body.dofs.component[rows[own]] - 1).astype(np.int64), at.size)
+    scaled = sp.csr_array(W.T @ K @ W)
+    off = sp.csr_array(abs(sp.csr_array(W.T @ (K - S) @ W))).tocoo()
+    # Wrong coordinates turn a stiff direction into a soft one.
+    rate = _ROUNDINGS * body.stiffness_rounding + _PLACES * _place_errors(body, S, at, of)[of]
+    size = abs(W)
+    allowed = sp.csr_array(size.T @ (sp.diags_array(rate) @ (abs(K) + abs(S))) @ size)
+    allowed = sp.csr_array(allowed + allowed.T)
+    limit = np.asarray(allowed[off.row, off.col]).ravel()
+    beyond = np.where(limit < _BLIND, np.maximum(off.data - limit, 0.0), 0.0)
+    worst = np.zeros(at.size)
+    np.maximum.at(worst, off.row // 6, beyond)
+    low, high = _ratios(scaled, at.size)
+    return _Differences(at, worst, low, high)
+
+
+def _scaling(S: sp.csr_array, of: Indices, slot: Indices, count: int) -> sp.csr_array:
+    """Motions (rows, 6 per node) of each node alone in which its own stiffness S is the identity."""
+    A = S.tocoo()
+    blocks, same = np.zeros((count, 6, 6)), of[A.row] == of[A.col]
+    np.add.at(blocks, (of[A.row[same]], slot[A.row[same]], slot[A.col[same]]), A.data[same])
+    own = np.einsum("kii->ki", blocks)
+    scale = np.where(own > 0, 1 / np.sqrt(np.where(own > 0, own, 1.0)), 0.0)
+    weight, V = np.linalg.eigh(blocks * scale[:, :, None] * scale[:, None, :])
+    W = (
+        scale[:, :, None]
+        * V
+        * np.where(weight > _NO_FORCE, 1 / np.sqrt(np.maximum(weight, _NO_FORCE)), 0.0)[:, None, :]
+    )
+    columns = (6 * of)[:, None] + np.arange(6)
+    start = np.arange(0, 6 * of.size + 1, 6)
+    return sp.csr_array((W[of, slot].ravel(), columns.ravel(), start), shape=(of.size, 6 * count))
+
+
+def _place_errors(body: FEModel, S: sp.csr_array, at: Indices, of: Indices) -> Array:
+    """Errors of the coordinates relative to the shortest element at each node."""
+    assert body.nodes is not None
+    error = float(np.max(body.nodes.xyz_rounding, initial=0.0))
+    if not error:
+        return np.zeros(at.size)
+    first, second = (of[k] for k in S.nonzero())
+    apart = np.linalg.norm(body.nodes.xyz[at[first]] - body.nodes.xyz[at[second]], axis=1)
+    shortest = np.full(at.size, float(np.ptp(body.nodes.xyz, axis=0).max()))
+    np.minimum.at(shortest, first[apart > 0], apart[apart > 0])
+    return np.asarray(error / np.maximum(shortest, error))
+
+
+def _ratios(scaled: sp.csr_array, count: int) -> tuple[Array, Array]:
+    """Least and largest stiffness of each node, over the motions that the deck resists."""
+    A = scaled.tocoo()
+    blocks, same = np.zeros((count, 6, 6)), A.row // 6 == A.col // 6
+    blocks[A.row[same] // 6, A.row[same] % 6, A.col[same] % 6] = A.data[same]
+    weight = np.linalg.eigvalsh((blocks + blocks.transpose(0, 2, 1)) / 2)
+    # Motions that are not compared have no stiffness here.
+    least = np.where(weight > _NO_FORCE, weight, np.inf).min(axis=1)
+    return np.asarray(np.where(np.isfinite(least), least, 0.0)), np.asarray(weight[:, -1])
+
+
+def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indices, known: Flags) -> _Differences:
+    """Differences of the forces of nodes of solids under uniform strains."""
+    assert body.nodes is not None
+    ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
+    at = body.nodes.index(ids)
+    judged = known[at]
+    if judged.any():
+        judged &= away_from_supports(body, ids)
+    if not judged.any():
+        return _Differences(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+    centre = body.nodes.xyz.mean(axis=0)
+    U = uniform_strains(body.dofs, body.nodes, centre)
+    x, every = body.nodes.xyz - centre, np.zeros((len(body.nodes), 6, len(STRAINS)))
+    for k, (i, j) in enumerate(STRAINS):
+        every[:, i, k] += x[:, j]
+        every[:, j, k] += x[:, i] if i != j else 0.0
+    flat = every.reshape(-1, len(STRAINS))
+    force = np.zeros_like(every)
+    force[:, :3] = stated.force
+    # A bar gives a force with its other end at this node's place.
+    stiff = np.asarray(E @ (stated.stiffness @ flat + force.reshape(-1, len(STRAINS))))
+    found = np.asarray(body.K @ U)[rows]
+    errors = _ROUNDINGS * body.stiffness_rounding * abs(U) + _PLACES * float(
+        np.max(body.nodes.xyz_rounding, initial=0.0)
+    )
+    allowed = np.asarray(absolute(body.K) @ errors)[rows]
+    beyond = np.maximum(abs(found - stiff) - allowed, 0.0)
+    sums = [np.bincount(of, np.sum(part, axis=1)) for part in (beyond**2, allowed**2, found * stiff, stiff**2)]
+    off, noise, product, square = sums
+    terms = stated.terms[at] + np.linalg.norm(
+        np.asarray(abs(stated.stiffness) @ abs(flat)).reshape(len(body.nodes), -1)[at], axis=1
+    )
+    terms = np.maximum(terms, np.finfo(float).tiny)
+    judged &= np.sqrt(noise) < _BLIND * terms
+    ratio = np.divide(product, square, out=np.ones(ids.size), where=square > (EXACT * terms) ** 2)
+    return _Differences(at[judged], (np.sqrt(off) / terms)[judged], ratio[judged], ratio[judged])

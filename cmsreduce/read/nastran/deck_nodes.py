@@ -1,0 +1,211 @@
+"""Stiffness that the elements of a NASTRAN deck give to single nodes: of bars, springs and solids."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError, ReadError
+from cmsreduce.mechanics import member_stiffness
+from cmsreduce.model import Members, Nodes
+from cmsreduce.read.isoparametric import SOLIDS, are_affine, slope_integrals
+from cmsreduce.read.nastran.bars import orientation_of, released_at
+from cmsreduce.read.nastran.cards import Card
+from cmsreduce.read.nastran.deck_elements import UNCOUNTED, Bar, Elements, Faces, isotropic, lame_of
+from cmsreduce.read.stated import SAME_PLACE, NotCountedError, StatedNodes
+from cmsreduce.read.stated_nodes import SolidForces, solid_forces, sum_at_nodes
+
+__all__ = ["nodes_of"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Cards whose nodes are not read here, or whose stiffness depends on the temperature.
+_OTHERS = (*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL", "MATT1")
+# Fields of two nodes, each with the field of its component if that is one.
+_SPRINGS = {"CELAS1": ((2, 3), (4, 5)), "CELAS2": ((2, 3), (4, 5))}
+_BUSH = (2, 3)
+# Shear of an unknown area in a deflection, relative to bending, that changes no stiffness of four digits.
+_NO_SHEAR = 2e-4
+_SOLIDS = {4: ("C3D4", "C3D10"), 6: ("C3D6", "C3D15"), 8: ("C3D8", "C3D20")}
+
+
+def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNodes | None:
+    """Add up the elements of a deck at each node.
+
+    Parameters
+    ----------
+    elements : Elements, optional
+        Of the deck.
+    moving : (N,) bool
+        True for nodes that have rows or supports.
+
+    Returns
+    -------
+    StatedNodes or None
+        None if some elements are at unknown nodes, or on nodes without rows, which give their stiffness to others; or
+        if the matrix may have a stiffness by prestress.
+    """
+    if elements is None or elements.prestressed or any(elements.cards.get(name) for name in _OTHERS):
+        return None
+    count = len(elements.nodes)
+    try:
+        bars, plates, solids = elements.bars, elements.plates, elements.solids
+        springs, beside = _springs(elements)
+        exact = [bar for bar in bars if _is_exact(bar, elements)]
+        forces, unlike = _solid_forces(elements, solids)
+        stiffness = _stiffness(exact, springs, elements)
+    except (ReadError, NotCountedError, MatrixError):
+        return None
+    own = [bar.nodes for bar in bars] + [np.hstack([each.nodes, each.between]).ravel() for each in (*plates, *solids)]
+    if own and not moving[np.concatenate(own)].all():
+        return None
+    barred = _joined([bar.nodes for bar in exact] + [at // 6 for _, at in springs])
+    loose = [bar.nodes for bar in bars if not _is_exact(bar, elements)]
+    unknown = [*loose, *unlike, *(each.nodes.ravel() for each in plates), *beside, _followed(elements)]
+    return sum_at_nodes(count, forces, stiffness, barred, _joined(unknown))
+
+
+def _joined(parts: list[Indices]) -> Indices:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
+
+
+def _followed(elements: Elements) -> Indices:
+    """Positions of all nodes that a constraint may name: it gives them stiffness of dofs without rows."""
+    numbers = {
+        int(text)
+        for cards in elements.constraints
+        for card in cards
+        for text in (card.text(k) for k in range(len(card.fields)))
+        if text.isdigit()
+    }
+    at = elements.nodes.index(sorted(numbers))
+    return np.asarray(at[at >= 0])
+
+
+def _is_exact(bar: Bar, elements: Elements) -> bool:
+    """True if every program makes the same stiffness of a bar."""
+    section, made = bar.section, elements.materials.get(bar.section.material)
+    if made is None or not made.E > 0 or np.isnan(section.torsion):
+        return False
+    if section.shear_known:
+        return True
+    area = section.area * float(section.shear[section.shear > 0].min(initial=np.inf))
+    if not np.isfinite(area):
+        return True
+    length = float(np.linalg.norm(bar.ends[1] - bar.ends[0]))
+    return 12 * made.E * float(section.moments.max()) <= _NO_SHEAR * made.G * area * length**2
+
+
+def _stiffness(bars: list[Bar], springs: list[tuple[Array, Indices]], elements: Elements) -> sp.csr_array:
+    """Stiffness (6 N, 6 N) of bars, and of springs as (4, 4) or smaller matrices at their dofs."""
+    nodes, size = elements.nodes, 6 * len(elements.nodes)
+    at = np.array([bar.nodes for bar in bars], dtype=np.int64).reshape(-1, 2)
+    blocks = member_stiffness(_members(bars, elements), nodes)
+    dofs = (6 * at[:, :, None] + np.arange(6)).reshape(-1, 12)
+    rows = [np.repeat(dofs, 12, axis=1).ravel(), *(np.repeat(own, own.size) for _, own in springs)]
+    columns = [np.tile(dofs, (1, 12)).ravel(), *(np.tile(own, own.size) for _, own in springs)]
+    data = [blocks.ravel(), *(part.ravel() for part, _ in springs)]
+    return sp.csr_array(
+        sp.coo_array((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(size, size))
+    )
+
+
+def _members(bars: list[Bar], elements: Elements) -> Members:
+    nodes, b = elements.nodes, len(bars)
+    made = [elements.materials[bar.section.material] for bar in bars]
+    shear = np.zeros((b, 2))
+    for k, bar in enumerate(bars):
+        if bar.section.shear_known:
+            stiff = bar.section.shear * made[k].G * bar.section.area
+            shear[k] = np.divide(1.0, stiff, out=np.zeros(2), where=stiff > 0)
+    bends = [bool(bar.section.moments.any()) for bar in bars]
+    return Members(
+        nodes.id[np.array([bar.nodes for bar in bars], dtype=np.int64).reshape(b, 2)],
+        np.array([bar.ends - nodes.xyz[bar.nodes] for bar in bars]).reshape(b, 2, 3),
+        np.array(
+            [
+                orientation_of(bar.card, nodes, int(bar.nodes[0])) if bent else np.zeros(3)
+                for bar, bent in zip(bars, bends, strict=True)
+            ]
+        ).reshape(b, 3),
+        np.array([m.E * bar.section.area for m, bar in zip(made, bars, strict=True)]),
+        np.array([m.G * bar.section.torsion for m, bar in zip(made, bars, strict=True)]),
+        np.array([m.E * bar.section.moments for m, bar in zip(made, bars, strict=True)]).reshape(b, 2, 2),
+        shear,
+        np.array([_released(bar.card) for bar in bars], dtype=bool).reshape(b, 12),
+        np.zeros(0),
+        np.zeros((0, 2, 2), dtype=np.int64),
+    )
+
+
+def _released(card: Card) -> list[bool]:
+    pins = released_at(card) if card.name in ("CBAR", "CBEAM") else [set(), set()]
+    return [str(c) in pins[end] for end in range(2) for c in range(1, 7)]
+
+
+def _springs(elements: Elements) -> tuple[list[tuple[Array, Indices]], list[Indices]]:
+    """Springs as matrices at basic dofs, and the nodes of those that are not counted."""
+    found: list[tuple[Array, Indices]] = []
+    beside = [np.array([], dtype=np.int64)]
+    rates = {card.integer(0): card.real(1) for card in elements.cards.get("PELAS", ())}
+    for name, ends in _SPRINGS.items():
+        for card in elements.cards.get(name, ()):
+            number = card.integer(1, card.integer(0)) if name == "CELAS1" else 0
+            if name == "CELAS1" and number not in rates:
+                raise NotCountedError
+            rate = rates[number] if name == "CELAS1" else card.real(1)
+            parts = [_end(card.integer(a, 0), card.integer(c, 0), elements.nodes) for a, c in ends]
+            if any(part is None for part in parts):
+                beside += [at[:1] // 6 for part in parts if part is not None for _, at in [part] if at.size]
+                continue
+            known = [part for part in parts if part is not None]
+            along = np.concatenate([known[0][0], -known[1][0]])
+            found.append((rate * np.outer(along, along), np.concatenate([at for _, at in known])))
+    for card in elements.cards.get("CBUSH", ()):
+        at = elements.nodes.index([card.integer(k, 0) for k in _BUSH])
+        beside.append(np.asarray(at[at >= 0]))
+    return found, beside
+
+
+def _end(node: int, component: int, nodes: Nodes) -> tuple[Array, Indices] | None:
+    """Direction of one end of a spring and its dofs: none for the ground; None for a scalar point."""
+    if not node:
+        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    at = int(nodes.index(node)[0])
+    if at < 0 or not component:
+        return None
+    first = 6 * at + 3 * ((component - 1) // 3)
+    return nodes.frame[at, (component - 1) % 3], np.arange(first, first + 3)
+
+
+def _solid_forces(elements: Elements, solids: tuple[Faces, ...]) -> tuple[list[SolidForces], list[Indices]]:
+    """Forces of solids with parallel edges, and the nodes of the others, whose forces depend on the program."""
+    found: list[SolidForces] = []
+    beside: list[Indices] = []
+    for faces in solids:
+        solid = SOLIDS[_SOLIDS[faces.corners][bool(faces.between.shape[1])]]
+        places, lost = _in_order(faces, solid.edges, elements.nodes)
+        sure = ~lost
+        sure[sure] = are_affine(solid, elements.nodes.xyz[places[sure]], SAME_PLACE)
+        if faces.each(lambda p: p.text(6) == "PFLUID").any():
+            raise NotCountedError
+        G = faces.each(lambda p: isotropic(p.integer(1), elements.materials).G)
+        lame = faces.each(lambda p: lame_of(isotropic(p.integer(1), elements.materials)))
+        slopes = slope_integrals(solid, elements.nodes.xyz[places[sure]], 2)
+        found.append(solid_forces(places[sure], slopes, G[sure], lame[sure]))
+        beside.append(np.hstack([faces.nodes, faces.between])[~sure].ravel())
+    return found, beside
+
+
+def _in_order(faces: Faces, edges: Indices, nodes: Nodes) -> tuple[Indices, NDArray[np.bool_]]:
+    """Nodes (e, k) with those between corners in the order of the edges; True for elements with curved edges."""
+    if not faces.between.shape[1]:
+        return faces.nodes, np.zeros(len(faces.nodes), dtype=bool)
+    middle = nodes.xyz[faces.nodes][:, edges].mean(axis=2)
+    away = np.linalg.norm(nodes.xyz[faces.between][:, None] - middle[:, :, None], axis=3)
+    nearest = away.argmin(axis=2)
+    size = np.ptp(nodes.xyz[faces.nodes], axis=1).max(axis=1)
+    curved = (away.min(axis=2) > SAME_PLACE * size[:, None]).any(axis=1)
+    return np.hstack([faces.nodes, np.take_along_axis(faces.between, nearest, axis=1)]), curved

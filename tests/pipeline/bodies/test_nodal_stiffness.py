@@ -1,0 +1,136 @@
+"""Stiffness at single nodes against the deck: errors that the energy of uniform strains does not show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.config import build_scene, load_pipeline
+from cmsreduce.model import FEModel, Finding, Proof
+from cmsreduce.pipeline.bodies import read_flexible
+from cmsreduce.read.isoparametric import SOLIDS, slope_integrals
+from cmsreduce.read.stated_nodes import solid_forces
+from tests.frames import BAR, Section, frame
+from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
+from tests.solids import E, block
+
+XYZ = [[0, 0, 0], [0.5, 0, 0], [1, 0.2, 0], [1.2, 0.7, 0.3], [0.6, 0.9, 0.5], [0.1, 0.5, 0.8], [1.6, 0.3, 0.2]]
+BARS = [(1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 1), (3, 7), (4, 7)]
+SOUND, CARDS = frame("part", XYZ, BARS), bar_cards(BARS, XYZ)
+CELLS, SIDES, HALF = (6, 2, 3), [1.5, 0.5, 0.75], 18
+BY_NODE = "stiffness of each node against the deck"
+
+
+def stiffness(folder: Path, body: FEModel, cards: list[str]) -> tuple[Proof, list[Finding]]:
+    """The proof of the stiffness, and the checks that failed."""
+    pipeline = load_pipeline(write_deck_body(folder, body, cards))
+    found = read_flexible(pipeline, "part", build_scene(pipeline))
+    proof = next(proof for proof in found.proofs if proof.what == "stiffness")
+    return proof, [check for check in found.checks if not check.passed]
+
+
+def two_materials(second: float, first: int) -> list[str]:
+    """Deck of the bricks; those from number ``first`` on have another modulus."""
+    cards, seen = brick_cards(CELLS), 0
+    for k, card in enumerate(cards):
+        if card.startswith("CHEXA"):
+            seen += 1
+            name, number, _, rest = card.split(",", 3)
+            cards[k] = f"{name},{number},{1 if seen <= first else 2},{rest}"
+    return [*cards, "PSOLID,2,2", f"MAT1,2,{second * E:.6E},,0.,2700."]
+
+
+@pytest.mark.parametrize(
+    ("section", "ratio"),
+    [
+        (replace(BAR, J=8 * BAR.J), "1 to 8 times"),
+        (replace(BAR, J=BAR.J / 8), "0.125 to 1 times"),
+        (replace(BAR, Iy=BAR.Iz, Iz=BAR.Iy), "0.5 to 2 times"),
+        (replace(BAR, E=0.95 * BAR.E, G=0.95 * BAR.G), "0.95 times"),
+    ],
+    ids=["torsion", "soft torsion", "planes exchanged", "modulus"],
+)
+def test_bars_of_another_section(tmp_path: Path, section: Section, ratio: str) -> None:
+    places, bars = [[0.4 * k, 0.0, 0.0] for k in range(4)], [(1, 2), (2, 3), (3, 4)]
+    wrong = frame("part", places, bars, section=section)
+    proof, (failed,) = stiffness(tmp_path, wrong, bar_cards(bars, places))
+    assert proof.state == "refuted" and failed.name == BY_NODE
+    assert ratio in failed.note
+
+
+def test_a_bar_of_another_modulus_is_named_by_its_nodes(tmp_path: Path) -> None:
+    cards = [card.replace("CBAR,8,1,", "CBAR,8,2,") for card in CARDS]
+    second = [card.replace(",1,1,", ",2,2,") for card in cards if card.startswith("PBAR")]
+    proof, (failed,) = stiffness(
+        tmp_path, SOUND, [*cards, *second, f"MAT1,2,{0.95 * BAR.E:.6E},{0.95 * BAR.G:.6E},,{BAR.rho}"]
+    )
+    assert proof.state == "refuted" and failed.name == BY_NODE
+    assert set(failed.note.partition(";")[0].removeprefix("at node ").split(", ")) == {"4", "7"}
+
+
+def test_springs_of_the_deck(tmp_path: Path) -> None:
+    a, b = (int(SOUND.dofs.rows([node], [4])[0]) for node in (2, 6))
+    spring = sp.coo_array(([4e3, 4e3, -4e3, -4e3], ([a, b, a, b], [a, b, b, a])), shape=SOUND.K.shape)
+    sprung = replace(SOUND, K=sp.csc_array(SOUND.K + spring))
+    for name, cards, body, state in (
+        ("both", ["CELAS1,91,9,2,4,6,4", "PELAS,9,4000."], sprung, "proven"),
+        ("rate", ["CELAS2,91,400.,2,4,6,4"], sprung, "refuted"),
+        ("matrix", [], sprung, "refuted"),
+        ("deck", ["CELAS2,91,4000.,2,4,6,4"], SOUND, "refuted"),
+        # A rigid element may give its leads the stiffness of other grids.
+        ("led", ["GRID,8,,2.,0.,0.", "RBE2,92,2,123456,8", "RBE2,93,6,123456,8"], sprung, "proven"),
+    ):
+        folder = tmp_path / name
+        folder.mkdir()
+        proof, _ = stiffness(folder, body, [*CARDS, *cards])
+        assert proof.state == state, name
+        compared = {"both": "at 7 of 7 nodes", "led": "at 5 of 7 nodes"}.get(name, "")
+        assert compared in proof.remark
+
+
+def test_stress_by_a_static_subcase_is_not_of_the_deck(tmp_path: Path) -> None:
+    proof, failed = stiffness(
+        tmp_path, frame("part", XYZ, BARS, section=replace(BAR, J=2 * BAR.J)), [*CARDS, "FORCE,1,7,,9.,1.,0.,0."]
+    )
+    assert proof.state == "proven" and not failed
+    assert "nodes" not in proof.remark
+
+
+@pytest.mark.parametrize(
+    ("deck", "matrix"),
+    [((3.0, HALF), [3.0] * HALF + [1.0] * HALF), ((1e-3, 30), [1.0] * 30 + [4e-3] * 6)],
+    ids=["exchanged halves", "soft end"],
+)
+def test_two_materials_of_solids(tmp_path: Path, deck: tuple[float, int], matrix: list[float]) -> None:
+    cards = two_materials(*deck)
+    for name, moduli in (("sound", [1.0] * deck[1] + [deck[0]] * (36 - deck[1])), ("wrong", matrix)):
+        folder = tmp_path / name
+        folder.mkdir()
+        proof, failed = stiffness(folder, block("part", SIDES, CELLS, moduli=moduli), cards)
+        if name == "sound":
+            assert proof.state == "proven" and f"at {block('part', SIDES, CELLS).n // 3} of" in proof.remark
+        else:
+            # The energy of the whole body is that of the deck to 1e-3.
+            assert proof.state == "refuted" and [check.name for check in failed] == [BY_NODE]
+
+
+@pytest.mark.parametrize("kind", SOLIDS)
+def test_forces_of_a_solid_balance_and_do_the_work_of_its_stress(kind: str) -> None:
+    solid, turn = SOLIDS[kind], np.array([[1.0, 0.2, -0.1], [0.3, 1.4, 0.2], [-0.2, 0.1, 0.8]])
+    nodes = solid.places[None] @ turn
+    volume = (
+        np.linalg.det(turn)
+        * {"C3D4": 1 / 6, "C3D6": 1.0, "C3D8": 8.0}[{4: "C3D4", 6: "C3D6", 8: "C3D8"}[solid.corners]]
+    )
+    found = solid_forces(
+        np.arange(len(solid.places))[None], slope_integrals(solid, nodes, 3), np.array([2.0]), np.array([5.0])
+    ).force[0]
+    np.testing.assert_allclose(found.sum(axis=0), 0, atol=1e-12)
+    moments = np.einsum("kis,kj->ijs", found, nodes[0])
+    # Stretch along x: lambda + 2 G along it and lambda across; shear in x and y with G_xy = G_yx = 1: 2 G.
+    np.testing.assert_allclose(moments[:, :, 0], volume * np.diag([9.0, 5, 5]), atol=1e-12)
+    np.testing.assert_allclose(moments[:, :, 3], volume * 4 * np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, 0]]), atol=1e-12)
