@@ -81,6 +81,10 @@ class StatedMass(NamedTuple):
     nodal_known, nodal_if_lumped : bool
         True if ``nodal`` has the mass of each node: in every rule of integration and under the constraints of the deck;
         and in a mass matrix that is lumped.
+    points : (N, 6, 6) float64, optional
+        Mass matrix of the point masses at each node, with their offsets and inertias, along basic axes.
+    turning : (N, 2) float64, optional
+        Most that other elements add to its coupling of translations with rotations, and to its inertia.
     """
 
     mass: float
@@ -92,6 +96,8 @@ class StatedMass(NamedTuple):
     unsure: float = 0.0
     nodal_known: bool = True
     nodal_if_lumped: bool = True
+    points: Array | None = None
+    turning: Array | None = None
 
 
 class StatedNodes(NamedTuple):

@@ -27,6 +27,7 @@ from cmsreduce.pipeline.bodies.nodal_mass import (
     nodes_times_deck,
 )
 from cmsreduce.pipeline.bodies.nodal_stiffness import nodes_against_deck
+from cmsreduce.pipeline.bodies.point_masses import points_against_deck, without_points
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass
 from cmsreduce.verify import (
@@ -197,7 +198,10 @@ def _mass(
         checks += found
         if by_deck:
             ordered, evidence = True, by_deck
-    toward = moments_toward_neighbours(body) if ordered else None
+    # Masses beside their grids, once they are found as stated, would hide the moments of the rest.
+    stated_points = stated is not None and any(check.name.startswith("inertia of each") for check in checks)
+    rest = without_points(body, stated) if stated is not None and stated_points else body.M
+    toward = moments_toward_neighbours(body, rest) if ordered else None
     if toward is not None and toward.as_given < max(_TOWARD, toward.best - _BETTER):
         ordered = False
         other = "rows in reverse, of another sign or in another frame"
@@ -239,6 +243,8 @@ def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrde
     # Nodes with each other's mass are looked for where the mass as a whole, the first check, is that of the deck.
     if not known or not all(check.passed for check in checks[:1]):
         return checks, ""
+    if (points := points_against_deck(body, stated)) is not None:
+        checks.append(points)
     nodes = mass_order_by_deck(body, stated.nodal, free or order.status == "lumped")
     if nodes is None:
         return checks, ""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import symmetric_product
@@ -23,6 +24,7 @@ __all__ = [
     "energy_ratios",
     "known_dofs",
     "ratio_in_words",
+    "row_directions",
     "statement_of",
     "uniform_strains",
 ]
@@ -162,6 +164,16 @@ def _ratios(energy: Array, stated: Array) -> tuple[float, float] | None:
 def _affine(dofs: DofTable, body: FEModel, centre: Array) -> Array:
     assert body.nodes is not None
     return rigid_body_shapes(dofs, body.nodes, centre)
+
+
+def row_directions(body: FEModel, rows: NDArray[np.int64]) -> sp.csr_array:
+    """Direction of each row among translations and rotations of all nodes along basic axes (rows, 6 N)."""
+    assert body.nodes is not None
+    at, component = body.nodes.index(body.dofs.node[rows]), body.dofs.component[rows].astype(np.int64)
+    axis = body.nodes.frame[at, (component - 1) % 3]
+    columns = (6 * at + 3 * ((component - 1) // 3))[:, None] + np.arange(3)
+    start = np.arange(0, 3 * rows.size + 1, 3)
+    return sp.csr_array((axis.ravel(), columns.ravel(), start), shape=(rows.size, 6 * len(body.nodes)))
 
 
 def uniform_strains(dofs: DofTable, nodes: Nodes, centre: Array) -> Array:

@@ -209,8 +209,10 @@ class MomentsToward:
     order: str
 
 
-def moments_toward_neighbours(body: FEModel) -> MomentsToward | None:
+def moments_toward_neighbours(body: FEModel, mass: sp.csc_array) -> MomentsToward | None:
     """Direction of the first moment of the mass at each node, beside that of its neighbours.
+
+    ``mass`` is the mass matrix of the body, without masses that are known to lie beside their nodes.
 
     A node of a consistent mass with rotations carries a part of each element; its first moment points along the
     element. In reversed rows of a symmetric chain, or rows of another sign or frame, it does not, although every node
@@ -229,7 +231,7 @@ def moments_toward_neighbours(body: FEModel) -> MomentsToward | None:
         return None
     R = rigid_body_shapes(body.dofs, body.nodes)
     ids, node = np.unique(body.dofs.node, return_inverse=True)
-    M = body.M.tocoo()
+    M = sp.coo_array(mass)
     both = moving[M.row] & moving[M.col] & (node[M.row] != node[M.col])
     row, column = M.row[both], M.col[both]
     shared = M.data[both] * np.einsum("ij,ij->i", R[row, :3], R[column, :3])
@@ -243,7 +245,7 @@ def moments_toward_neighbours(body: FEModel) -> MomentsToward | None:
         moved = np.empty_like(R[:, :3])
         moved[rows] = R[:, :3]
         H = np.zeros((ids.size, 3, 3))
-        np.add.at(H, node[turning], R[turning, 3:, None] * np.asarray(body.M @ moved)[rows][turning, None, :])
+        np.add.at(H, node[turning], R[turning, 3:, None] * np.asarray(mass @ moved)[rows][turning, None, :])
         # The moment of momentum under the velocity v is s x v.
         s = np.stack([H[:, 2, 1] - H[:, 1, 2], H[:, 0, 2] - H[:, 2, 0], H[:, 1, 0] - H[:, 0, 1]], axis=1) / 2
         if reach == 0 or np.linalg.norm(H) <= _MOMENT * reach:

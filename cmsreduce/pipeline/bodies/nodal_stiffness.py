@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute
 from cmsreduce.model import FEModel, Finding
-from cmsreduce.pipeline.bodies.deck_agreement import EXACT, known_dofs, ratio_in_words, uniform_strains
+from cmsreduce.pipeline.bodies.deck_agreement import (
+    EXACT,
+    known_dofs,
+    ratio_in_words,
+    row_directions,
+    uniform_strains,
+)
 from cmsreduce.pipeline.bodies.nodal_mass import away_from_supports
 from cmsreduce.read import STRAINS, StatedNodes
 
@@ -78,7 +84,7 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
     assert body.nodes is not None
     at = body.nodes.index(body.dofs.node)
     rows = np.flatnonzero((body.dofs.component > 0) & (at >= 0))
-    E = _directions(body, rows)
+    E = row_directions(body, rows)
     whole = _whole(body, stated)
     # An element on a dof without rows gives its stiffness to others.
     lost = np.asarray(abs(stated.stiffness) @ np.repeat(~whole, 6).astype(float)).reshape(-1, 6).any(axis=1)
@@ -102,16 +108,6 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
         note = f"at node {named}{more}; at the first {ratio_in_words(float(low[first]), float(high[first]))}"
     check = Finding("stiffness of each node against the deck", float(off[order[0]]), EXACT, note)
     return NodesAgainstDeck(check, at.size, np.unique(body.dofs.node[rows]).size)
-
-
-def _directions(body: FEModel, rows: Indices) -> sp.csr_array:
-    """Direction of each row among translations and rotations of all nodes along basic axes (rows, 6 N)."""
-    assert body.nodes is not None
-    at, component = body.nodes.index(body.dofs.node[rows]), body.dofs.component[rows].astype(np.int64)
-    axis = body.nodes.frame[at, (component - 1) % 3]
-    columns = (6 * at + 3 * ((component - 1) // 3))[:, None] + np.arange(3)
-    start = np.arange(0, 3 * rows.size + 1, 3)
-    return sp.csr_array((axis.ravel(), columns.ravel(), start), shape=(rows.size, 6 * len(body.nodes)))
 
 
 def _whole(body: FEModel, stated: StatedNodes) -> Flags:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Nodes, cross_matrix
+from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.nastran.deck_elements import (
     UNCOUNTED,
@@ -20,6 +20,7 @@ from cmsreduce.read.nastran.deck_elements import (
     node_index,
     stated_elements,
 )
+from cmsreduce.read.nastran.deck_points import AT_POINT, point_blocks, turning_mass
 from cmsreduce.read.stated import MassPart, NotCountedError, StatedMass, as_inertia, outer, point_mass, sum_of_masses
 
 __all__ = ["deck_mass", "grid_masses", "mass_of", "solid_volumes"]
@@ -34,7 +35,6 @@ _EVEN = 1e-4
 _PARALLEL = 1e-6
 # Of a CONM1: masses printed with seven digits.
 _ONE_MASS = 1e-6
-_AT_POINT = -1  # frame of a CONM2 whose offset is a place in basic
 
 _HEXAHEDRON = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
 # Triangles of three corners of a quadrilateral.
@@ -73,7 +73,14 @@ def mass_of(elements: Elements | None) -> StatedMass | None:
         parts = [*_bars(elements), *_plates(elements), *_solids(elements), *_points(cards, nodes)]
     except (ReadError, NotCountedError):
         return None
-    return sum_of_masses(parts, len(nodes), _weight_factor(cards))
+    scale = _weight_factor(cards)
+    stated = sum_of_masses(parts, len(nodes), scale)
+    if stated is None:
+        return None
+    points, unknown = point_blocks(cards, nodes)
+    turning = scale * turning_mass(elements)
+    turning[unknown] = np.inf
+    return stated._replace(points=scale * points, turning=turning)
 
 
 def grid_masses(path: Path, nodes: Nodes) -> Array | None:
@@ -98,21 +105,11 @@ def grid_masses(path: Path, nodes: Nodes) -> Array | None:
         return None
     cards = elements.cards
     scale = _weight_factor(cards)
-    found = np.zeros((len(nodes), 6, 6))
+    found, unknown = point_blocks(cards, nodes)
+    if unknown.any():
+        return None
+    found *= scale
     found[:, range(3), range(3)] = stated.nodal[:, None]
-    for card in cards.get("CONM2", ()):
-        frame, offset = card.integer(2, 0), np.array([card.real(k) for k in (4, 5, 6)])
-        own = np.zeros((3, 3))
-        own[np.tril_indices(3)] = [card.real(k) for k in range(8, 14)]
-        if frame > 0 and own.any():
-            return None
-        at, mass = node_index(nodes, card.integer(1)), card.real(3)
-        arm = cross_matrix(offset - nodes.xyz[at] if frame == _AT_POINT else offset)
-        # The card has the products of inertia without their sign.
-        J = 3 * np.diag(own.diagonal()) - own - own.T - mass * arm @ arm
-        found[at, :3, 3:] -= scale * mass * arm
-        found[at, 3:, :3] += scale * mass * arm
-        found[at, 3:, 3:] += scale * J
     return found
 
 
@@ -151,7 +148,7 @@ def _points(cards: Cards, nodes: Nodes) -> Iterator[MassPart]:
         if frame > 0 and offset.any():
             raise NotCountedError
         at = node_index(nodes, card.integer(1))
-        place = offset if frame == _AT_POINT else nodes.xyz[at] + offset
+        place = offset if frame == AT_POINT else nodes.xyz[at] + offset
         # Moments are along the card's frame; their size bounds their share in every frame.
         own = np.zeros((3, 3))
         own[np.tril_indices(3)] = [card.real(k) for k in range(8, 14)]

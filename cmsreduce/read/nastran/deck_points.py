@@ -1,0 +1,75 @@
+"""Mass matrices of single grids of a NASTRAN deck: of its point masses, and what bars and plates may add to them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import Nodes, cross_matrix
+from cmsreduce.read.nastran.cards import Cards
+from cmsreduce.read.nastran.deck_elements import Elements, node_index
+
+__all__ = ["AT_POINT", "point_blocks", "turning_mass"]
+
+Array = NDArray[np.float64]
+
+AT_POINT = -1
+"""Frame of a CONM2 whose offset is a place in basic."""
+# Most that bars and plates add at one end, of its mass and their length: 22/210 to the coupling of translations and
+# rotations where they are consistent, 1/12 to the inertia where half their own is lumped; plates some times more.
+_COUPLED, _TURNED = {2: 0.11, 3: 0.5, 4: 0.5}, {2: 0.09, 3: 0.2, 4: 0.2}
+
+
+def point_blocks(cards: Cards, nodes: Nodes) -> tuple[Array, NDArray[np.bool_]]:
+    """Mass matrices (N, 6, 6) of the masses CONM2 at each grid along basic axes, without the factor of weights.
+
+    The mask (N,) is True for grids with an inertia or offset whose axes are those of a coordinate system, or with the
+    inertia of a CONM1: their matrices are incomplete.
+    """
+    found, unknown = np.zeros((len(nodes), 6, 6)), np.zeros(len(nodes), dtype=bool)
+    for card in cards.get("CONM1", ()):
+        # M11 M21 M22 M31 .. M66: a point mass has nothing in its last three rows.
+        at = node_index(nodes, card.integer(1))
+        found[at, range(3), range(3)] += card.real(3)
+        unknown[at] |= any(card.real(k) for k in range(9, 24))
+    for card in cards.get("CONM2", ()):
+        at, frame, mass = node_index(nodes, card.integer(1)), card.integer(2, 0), card.real(3)
+        offset, own = np.array([card.real(k) for k in (4, 5, 6)]), np.zeros((3, 3))
+        own[np.tril_indices(3)] = [card.real(k) for k in range(8, 14)]
+        if frame > 0 and (own.any() or offset.any()):
+            unknown[at] = True
+            own, offset = np.zeros((3, 3)), np.zeros(3)
+        arm = cross_matrix(offset - nodes.xyz[at] if frame == AT_POINT else offset)
+        # The card has the products of inertia without their sign.
+        J = 3 * np.diag(own.diagonal()) - own - own.T - mass * arm @ arm
+        found[at, range(3), range(3)] += mass
+        found[at, :3, 3:] -= mass * arm
+        found[at, 3:, :3] += mass * arm
+        found[at, 3:, 3:] += J
+    return found, unknown
+
+
+def turning_mass(elements: Elements) -> Array:
+    """Most that bars and plates add to coupling and inertia of each grid (N, 2), without the factor of weights."""
+    nodes, materials = elements.nodes, elements.materials
+    found = np.zeros((len(nodes), 2))
+    for bar in elements.bars:
+        section = bar.section
+        density = materials[section.material].density
+        length = float(np.linalg.norm(bar.ends[1] - bar.ends[0]))
+        half = (density * section.area + section.per_length) * length / 2
+        twist = density * length * float(np.trace(section.moments)) / 2
+        for at, end in zip(bar.nodes, bar.ends, strict=True):
+            arm = float(np.linalg.norm(end - nodes.xyz[at]))
+            found[at] += half * (_COUPLED[2] * length + arm), half * (_TURNED[2] * length**2 + arm * (length + arm))
+            found[at, 1] += twist
+    for faces in elements.plates:
+        corners = nodes.xyz[faces.nodes]
+        size = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        thick = faces.each(lambda p: p.real(2))
+        per_volume = faces.each(lambda p: materials[p.integer(1, 0)].density if p.integer(1, 0) in materials else 0.0)
+        mass = (per_volume * thick + faces.each(lambda p: p.real(7))) * size**2
+        k = faces.corners
+        for add, part in ((0, _COUPLED[k] * mass * size), (1, mass * (_TURNED[k] * size**2 + thick**2))):
+            np.add.at(found[:, add], faces.nodes, np.repeat(part[:, None], k, axis=1))
+    return found

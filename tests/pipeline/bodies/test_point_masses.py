@@ -1,0 +1,79 @@
+"""Offsets and inertias of point masses: what the mass, centre and masses of nodes of a body do not show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.config import build_scene, load_pipeline
+from cmsreduce.model import Finding, Proof, cross_matrix
+from cmsreduce.pipeline.bodies import read_flexible
+from tests.frames import frame
+from tests.pipeline.bodies.decks import bar_cards, write_deck_body
+
+XYZ = [[0, 0, 0], [0.5, 0, 0], [1, 0.2, 0], [1.2, 0.7, 0.3], [0.6, 0.9, 0.5], [0.1, 0.5, 0.8], [1.6, 0.3, 0.2]]
+BARS = [(1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 1), (3, 7), (4, 7)]
+BODY = frame("part", XYZ, BARS)
+# Node, mass, offset, inertia about the centre of the mass.
+POINTS = [
+    (2, 1.5, [0.05, -0.03, 0.08], [[0.06, 0.012, -0.008], [0.012, 0.05, 0.004], [-0.008, 0.004, 0.03]]),
+    (7, 1.5, [0.0, 0.06, -0.02], [[0.05, -0.02, 0.0], [-0.02, 0.09, 0.01], [0.0, 0.01, 0.07]]),
+]
+CHECK = "inertia of each point mass against the deck"
+
+
+def cards() -> list[str]:
+    made = []
+    for k, (node, mass, w, J) in enumerate(POINTS):
+        own = [J[0][0], -J[1][0], J[1][1], -J[2][0], -J[2][1], J[2][2]]
+        made += [f"CONM2,{90 + k},{node},,{mass},{w[0]},{w[1]},{w[2]}", "," + ",".join(str(v) for v in own)]
+    return made
+
+
+def mass_proof(folder: Path, points: list, *, lumped: bool = False) -> tuple[Proof, list[Finding]]:
+    M = BODY.M.toarray()
+    if lumped:
+        M[:] = 0
+        for a, b in BARS:
+            half = 2700 * 4e-4 * np.linalg.norm(np.subtract(XYZ[a - 1], XYZ[b - 1])) / 2
+            for node in (a, b):
+                M[range(6 * node - 6, 6 * node - 3), range(6 * node - 6, 6 * node - 3)] += half
+    for node, mass, w, J in points:
+        S, rows = cross_matrix(np.asarray(w)), slice(6 * node - 6, 6 * node)
+        M[rows, rows] += np.block([[mass * np.eye(3), -mass * S], [mass * S, np.asarray(J) - mass * S @ S]])
+    body = replace(BODY, M=sp.csc_array(M))
+    pipeline = load_pipeline(write_deck_body(folder, body, [*bar_cards(BARS, XYZ), *cards()]))
+    found = read_flexible(pipeline, "part", build_scene(pipeline))
+    proof = next(proof for proof in found.proofs if proof.what == "mass")
+    return proof, [check for check in found.checks if not check.passed]
+
+
+@pytest.mark.parametrize("lumped", [False, True])
+def test_masses_as_the_deck_states_them_are_proven(tmp_path: Path, lumped: bool) -> None:
+    proof, failed = mass_proof(tmp_path, POINTS, lumped=lumped)
+    assert proof.state == "proven" and not failed
+
+
+@pytest.mark.parametrize(
+    ("wrong", "nodes"),
+    [
+        ([(n, m, w, 0 * np.array(J)) for n, m, w, J in POINTS], "2, 7"),
+        ([(n, m, w, 2 * np.diag(np.diag(J)) - np.array(J)) for n, m, w, J in POINTS], "2, 7"),
+        ([(n, m, w, np.array(J) * (4 if n == 7 else 1)) for n, m, w, J in POINTS], "7"),
+        ([(*POINTS[0][:3], POINTS[1][3]), (*POINTS[1][:3], POINTS[0][3])], "2, 7"),
+        # The same mass at both: exchanged offsets leave mass and centre.
+        ([(2, 1.5, *POINTS[1][2:]), (7, 1.5, *POINTS[0][2:])], "2, 7"),
+    ],
+    ids=["lost", "sign of products", "four times", "inertias exchanged", "offsets exchanged"],
+)
+@pytest.mark.parametrize("lumped", [False, True])
+def test_inertias_and_offsets_of_other_masses(tmp_path: Path, wrong: list, nodes: str, lumped: bool) -> None:
+    proof, failed = mass_proof(tmp_path, wrong, lumped=lumped)
+    assert proof.state == "refuted"
+    (check,) = (check for check in failed if check.name == CHECK)
+    assert set(check.note.removeprefix("at node ").split(", ")) == set(nodes.split(", "))
+    assert not any(check.name in ("mass against the deck", "centre of mass against the deck") for check in failed)
