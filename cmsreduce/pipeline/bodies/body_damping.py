@@ -15,6 +15,7 @@ from cmsreduce.linalg.blocks import congruence
 from cmsreduce.linalg.eigen import elastic_and_massless
 from cmsreduce.mechanics import least_damping, refuse_gain
 from cmsreduce.model import SCALAR, FEModel, ModalComponent, Proof, rigid_body_shapes
+from cmsreduce.read import damping_order_doubt
 from cmsreduce.verify import negative_directions
 
 __all__ = ["DampingHealth", "damping_health", "damping_proof", "damping_remark"]
@@ -50,6 +51,8 @@ class DampingHealth:
         True if a factor shows that it takes energy from every motion of its dofs.
     gaining : str
         Message about a factor that shows otherwise.
+    doubt : str
+        Reason to doubt the order of its rows; of a body whose rigid motions it may act on.
     drag : float or None
         Largest force on a rigid motion, in the row nearest to its tolerance, relative to the terms that cancel in it;
         None where the ground or the unknown geometry allows the damping to act on it.
@@ -61,6 +64,7 @@ class DampingHealth:
     drag: float | None
     allowed: float
     gaining: str = ""
+    doubt: str = ""
 
 
 def damping_health(body: FEModel, rigid: NDArray[np.float64], *, reduced: bool) -> DampingHealth | None:
@@ -84,15 +88,18 @@ def damping_health(body: FEModel, rigid: NDArray[np.float64], *, reduced: bool) 
     ------
     DampingError
         If the matrix damps a rigid motion of a body that floats.
+    DofMapError
+        If the rows of a held body's matrix are in another order.
     MatrixError
         If it gives energy to a motion of its dofs.
     """
     if body.D is None:
         return None
     drag, allowed = _drag(body, rigid)
+    doubt = damping_order_doubt(body) if drag is None else ""
     active = np.flatnonzero(np.diff(body.D.indptr))
     if not active.size or (reduced and active.size > _FACTORISED):
-        return DampingHealth(not active.size, drag, allowed)
+        return DampingHealth(not active.size, drag, allowed, doubt=doubt)
     part = sp.csc_array(body.D[active][:, active])
     negative = negative_directions(part, body.rounding)
     if negative:
@@ -102,8 +109,8 @@ def damping_health(body: FEModel, rigid: NDArray[np.float64], *, reduced: bool) 
         if not reduced or body.n <= _ALL_MODES:
             raise MatrixError(message)
         # The mode that gains energy is named when the modes are made.
-        return DampingHealth(False, drag, allowed, message)
-    return DampingHealth(negative == 0, drag, allowed)
+        return DampingHealth(False, drag, allowed, message, doubt)
+    return DampingHealth(negative == 0, drag, allowed, doubt=doubt)
 
 
 def damping_proof(body: FEModel, health: DampingHealth | None, modes: ModalComponent) -> Proof:
@@ -127,6 +134,8 @@ def damping_proof(body: FEModel, health: DampingHealth | None, modes: ModalCompo
     digits = -math.log10(max(*found, body.rounding))
     if health.gaining:
         return Proof("damping", "refuted", digits, health.gaining, body.name)
+    if health.doubt:
+        return Proof("damping", "unproven", digits, f"order of its rows: {health.doubt}; compare its ratios", body.name)
     where = "its dofs" if health.factorised else f"the {modes.omega.size} shapes of the mode set"
     text = f"D takes energy from every motion of {where}"
     if modes.rigid_count and health.drag is not None:

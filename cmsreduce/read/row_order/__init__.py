@@ -4,6 +4,7 @@ Forces against rigid motion, node pairs of the mass, and the likely causes of a 
 The readers of files belong in their own rooms, the labels of rows in `read.body`.
 """
 
+from cmsreduce.read.row_order.damping_order import damping_order_doubt
 from cmsreduce.read.row_order.mass_order import MassOrder, prove_mass_order
 from cmsreduce.read.row_order.proof import RowOrderProof, is_condensed, prove_row_order
 from cmsreduce.read.row_order.quiet_rows import LOUD, QUIET, quiet_share
@@ -13,6 +14,7 @@ __all__ = [
     "MassOrder",
     "QUIET",
     "RowOrderProof",
+    "damping_order_doubt",
     "is_condensed",
     "prove_mass_order",
     "prove_row_order",

@@ -44,7 +44,7 @@ class HeldRows:
     wrong: NDArray[np.int64]
 
 
-def held_rows(body: FEModel, nodes: Nodes, condensed: bool) -> HeldRows:
+def held_rows(body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array | None = None) -> HeldRows:
     """Sort the nodes of a body that the ground holds.
 
     Parameters
@@ -55,8 +55,11 @@ def held_rows(body: FEModel, nodes: Nodes, condensed: bool) -> HeldRows:
         Its geometry.
     condensed : bool
         True if K comes from condensation.
+    matrix : (n, n) sparse array, optional
+        Damping in place of the stiffness.
     """
-    found = rigid_residual(body.K, body.dofs, nodes, None, body.rounding, condensed, body.noise)
+    A = body.K if matrix is None else matrix
+    found = rigid_residual(A, body.dofs, nodes, None, body.rounding, condensed, body.noise)
     moving = body.dofs.component > 0
     ids, of = np.unique(body.dofs.node[moving], return_inverse=True)
     rows, turning = np.flatnonzero(moving), body.dofs.component[moving] > 3
@@ -73,7 +76,7 @@ def held_rows(body: FEModel, nodes: Nodes, condensed: bool) -> HeldRows:
     by_arm = np.cross(np.eye(3), arm[:, None, :])
     own = found.force[rows, 3:] - np.einsum("rt,rjt->rj", found.force[rows, :3], by_arm[of])
     sprung = ~_any(~turning & (abs(own).max(axis=1) > limit), of, ids.size)
-    whole = _whole(body, ids)
+    whole = _whole(body, ids, A)
     wrong = resists & ~pushed & across & whole
     proven = ~resists | (pushed & sprung) | (~pushed & ~across)
     return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong])
@@ -90,8 +93,8 @@ def _largest(value: NDArray[np.float64], of: NDArray[np.int64], count: int) -> N
     return top
 
 
-def _whole(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Nodes that have the same components as all nodes that the stiffness couples them with, and no constraint."""
+def _whole(body: FEModel, ids: NDArray[np.int64], A: sp.csc_array) -> NDArray[np.bool_]:
+    """Nodes that have the same components as all nodes that a matrix couples them with, and no constraint."""
     kind = np.zeros(ids.size, dtype=np.int64)
     moving = body.dofs.component > 0
     of = np.searchsorted(ids, body.dofs.node[moving])
@@ -99,6 +102,6 @@ def _whole(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
     if body.constrained is not None:
         kind[np.isin(ids, body.constrained.node)] = -1
     rows = np.flatnonzero(moving)
-    K = sp.csc_array(body.K[rows][:, rows])
-    first, second = of[K.indices], of[np.repeat(np.arange(rows.size), np.diff(K.indptr))]
-    return (kind >= 0) & ~_any((kind[first] != kind[second]) & (K.data != 0), first, ids.size)
+    A = sp.csc_array(A[rows][:, rows])
+    first, second = of[A.indices], of[np.repeat(np.arange(rows.size), np.diff(A.indptr))]
+    return (kind >= 0) & ~_any((kind[first] != kind[second]) & (A.data != 0), first, ids.size)

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import SCALAR, FEModel
 
-__all__ = ["MassOrder", "prove_mass_order"]
+__all__ = ["COUPLED", "DIGITS", "MassOrder", "Pairs", "coupled", "prove_mass_order", "refuse_exchange"]
 
 Graph = sp.csr_array
 
 # An entry of the mass couples two dofs if it exceeds this share of the masses of both, and the digits of its file.
-_COUPLED, _DIGITS = 1e-9, 100.0
+COUPLED, DIGITS = 1e-9, 100.0
 # Exchanges that are named; a mass with more is in another order altogether.
 _NAMED, _MOST = 5, 24
 # Nodes that are exchanged back keep at most this share of their pairs unexplained.
@@ -84,15 +84,15 @@ def prove_mass_order(body: FEModel) -> MassOrder:
     if (body.dofs.component == SCALAR).all():
         return MassOrder("scalar", remark="all dofs are scalar, so that nothing shows the order of the mass")
     ids, node = np.unique(body.dofs.node, return_inverse=True)
-    share = max(_COUPLED, _DIGITS * body.rounding)
-    mass, any_mass = _coupled(body.M, node, ids.size, share)
+    share = max(COUPLED, DIGITS * body.rounding)
+    mass, any_mass = coupled(body.M, node, ids.size, share)
     if not mass.nnz:
         return MassOrder("lumped", 0, ids.size, ids.size, "the mass is lumped: no pair of nodes shows its order")
-    case, same = _Pairs(body, ids, node, share, mass, any_mass), np.arange(ids.size)
+    case, same = Pairs(body, ids, node, share, mass, any_mass), np.arange(ids.size)
     beyond = sp.csr_array(mass.shape, dtype=mass.dtype) if _within(body.M, body.K) else case.beyond(same)
     pairs, alike = mass.nnz // 2, _alike(mass)
     if beyond.nnz and (lacking := case.lacking(same)).nnz:
-        _refuse_exchange(case, beyond, lacking)
+        refuse_exchange(case, beyond, lacking)
         both = np.flatnonzero((np.diff(beyond.indptr) > 0) & (np.diff(lacking.indptr) > 0))
         if both.size:
             return MassOrder(
@@ -117,10 +117,11 @@ def prove_mass_order(body: FEModel) -> MassOrder:
 
 
 @dataclass(frozen=True, eq=False)
-class _Pairs:
+class Pairs:
     """Pairs of nodes coupled by mass and by stiffness: by more than rounding, and by any entry.
 
-    Those of the stiffness are found when they are asked for: most masses couple no dofs that it does not.
+    ``kind`` names another matrix in place of the mass. Those of the stiffness are found when they are asked for: most
+    masses couple no dofs that it does not.
     """
 
     body: FEModel
@@ -129,10 +130,11 @@ class _Pairs:
     share: float
     mass: Graph
     any_mass: Graph
+    kind: str = "mass"
 
     @cached_property
     def _stiffness(self) -> tuple[Graph, Graph]:
-        return _coupled(self.body.K, self.node, self.ids.size, self.share)
+        return coupled(self.body.K, self.node, self.ids.size, self.share)
 
     @property
     def stiff(self) -> Graph:
@@ -158,7 +160,7 @@ def _within(M: sp.csc_array, K: sp.csc_array) -> bool:
     return bool(np.count_nonzero(M.multiply(K).data) == np.count_nonzero(M.data))
 
 
-def _coupled(A: sp.csc_array, node: NDArray[np.int64], count: int, share: float) -> tuple[Graph, Graph]:
+def coupled(A: sp.csc_array, node: NDArray[np.int64], count: int, share: float) -> tuple[Graph, Graph]:
     """Pairs of different nodes that a matrix couples by more than rounding, and by any entry: symmetric, of ones."""
     counts, short, own = np.diff(A.indptr), node.astype(np.int32), np.sqrt(abs(A.diagonal()))
     first, second = short[A.indices], np.repeat(short, counts)
@@ -222,14 +224,15 @@ def _colours(graph: Graph) -> NDArray[np.uint64]:
     return colour
 
 
-def _refuse_exchange(case: _Pairs, beyond: Graph, lacking: Graph) -> None:
+def refuse_exchange(case: Pairs, beyond: Graph, lacking: Graph) -> None:
     """Refuse a mass that couples the pairs of the stiffness after its nodes are numbered anew."""
     label = _exchanged_back(case, beyond)
-    where = ", ".join(dict.fromkeys(source.path for source in case.body.sources if "mass" in source.holds))
+    where = ", ".join(dict.fromkeys(source.path for source in case.body.sources if case.kind in source.holds))
+    kind, file = case.kind, f" ({where})" if where else ""
     head = (
-        f"body '{case.body.name}': the rows of the mass matrix{f' ({where})' if where else ''} are not in the order of "
-        f"the stiffness: {beyond.nnz // 2} pairs of nodes have mass in common and no stiffness, and {lacking.nnz // 2} "
-        "pairs have stiffness in common and no mass"
+        f"body '{case.body.name}': the rows of the {kind} matrix{file} are not in the order of the stiffness: "
+        f"{beyond.nnz // 2} pairs of nodes have {kind} in common and no stiffness, and {lacking.nnz // 2} pairs have "
+        f"stiffness in common and no {kind}"
     )
     remedy = "Write both matrices from one run with one dof set, or label the rows of both files"
     if label is not None:
@@ -241,7 +244,7 @@ def _refuse_exchange(case: _Pairs, beyond: Graph, lacking: Graph) -> None:
         raise DofMapError(f"{head}. Likely cause: {named}{more}; put back, the pairs agree. {remedy}")
     if (order := _by_appearance(case)) is not None:
         raise DofMapError(
-            f"{head}. Likely cause: the mass has its rows in the {order}; in that order the pairs agree. {remedy}"
+            f"{head}. Likely cause: the {kind} has its rows in the {order}; in that order the pairs agree. {remedy}"
         )
     mass, stiff = _colours(case.mass), _colours(case.stiff)
     differ = int((mass != stiff).sum())
@@ -249,12 +252,12 @@ def _refuse_exchange(case: _Pairs, beyond: Graph, lacking: Graph) -> None:
     count = np.bincount(of[: mass.size], minlength=of.max() + 1) - np.bincount(of[mass.size :], minlength=of.max() + 1)
     if differ and abs(count).sum() / 2 <= _OTHER_GRAPH * differ:
         raise DofMapError(
-            f"{head}. Likely cause: rows are shuffled among nodes: the mass couples its nodes as the stiffness does, "
-            f"but {differ} of {case.ids.size} nodes have other numbers. {remedy}"
+            f"{head}. Likely cause: rows are shuffled among nodes: the {kind} couples its nodes as the stiffness "
+            f"does, but {differ} of {case.ids.size} nodes have other numbers. {remedy}"
         )
 
 
-def _by_appearance(case: _Pairs) -> str | None:
+def _by_appearance(case: Pairs) -> str | None:
     """The mass follows the order of the nodes in the geometry file, the stiffness that of their ids; or vice versa."""
     if case.body.nodes is None:
         return None
@@ -269,7 +272,7 @@ def _by_appearance(case: _Pairs) -> str | None:
     return None
 
 
-def _exchanged_back(case: _Pairs, beyond: Graph) -> NDArray[np.int64] | None:
+def _exchanged_back(case: Pairs, beyond: Graph) -> NDArray[np.int64] | None:
     """True node of each node's rows in the mass, if a few exchanges explain all pairs coupled by mass alone.
 
     The node with the most such pairs gets the label of the node whose neighbours in the stiffness are most like its
@@ -305,7 +308,7 @@ def _exchanged_back(case: _Pairs, beyond: Graph) -> NDArray[np.int64] | None:
 
 
 def _most_alike(
-    case: _Pairs, label: NDArray[np.int64], a: int, degree: NDArray[np.int64], lacking: NDArray[np.int64]
+    case: Pairs, label: NDArray[np.int64], a: int, degree: NDArray[np.int64], lacking: NDArray[np.int64]
 ) -> int | None:
     """Node whose neighbours in the stiffness are most like those of node ``a`` in the relabelled mass.
 
