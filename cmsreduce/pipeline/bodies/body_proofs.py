@@ -21,6 +21,7 @@ from cmsreduce.pipeline.bodies.deck_agreement import (
 )
 from cmsreduce.pipeline.bodies.nodal_mass import (
     exchanges_hidden,
+    generalised_coordinates,
     lumps,
     mass_order_by_deck,
     moments_toward_neighbours,
@@ -213,6 +214,9 @@ def _mass(
         )
     if not ordered and free and exchanges_hidden(body) == 0:
         ordered, evidence = True, "an exchange of any two nodes would leave no centre of mass"
+    if ordered and (count := generalised_coordinates(body)):
+        ordered = False
+        evidence = f"{evidence}; nothing shows the order of the {count} generalised coordinates that move mass"
     failed = [check for check in checks if not check.passed]
     if failed or wrong:
         said = wrong or "; ".join(

@@ -11,12 +11,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute, symmetric_product
-from cmsreduce.model import FEModel, Finding, cross_matrix, rigid_body_shapes
+from cmsreduce.model import SCALAR, FEModel, Finding, cross_matrix, rigid_body_shapes
 
 __all__ = [
     "MomentsToward",
     "away_from_supports",
     "exchanges_hidden",
+    "generalised_coordinates",
     "lumps",
     "mass_order_by_deck",
     "moments_toward_neighbours",
@@ -41,6 +42,8 @@ _MOST_NODES = 600
 # check (1e-6 of mass times size), and a hundred roundings of the file.
 _SHOWS, _ROUNDINGS = 1e-5, 1e3
 
+# Mass between two dofs relative to the masses of both: less is round-off.
+_COUPLED = 1e-9
 # First moments of mass below this share of mass times length are rounding.
 _MOMENT = 1e-6
 # Agreement of first moments with the neighbours of which no exchange of axes is in doubt.
@@ -78,6 +81,20 @@ def _momentum(body: FEModel) -> tuple[NDArray[np.int64], Array]:
     of_node = sp.csr_array((np.ones(rows.size), (of, np.arange(rows.size))))
     P = of_node @ (R[rows, :, None] * symmetric_product(body.M)(R)[rows, None, :]).reshape(-1, 9)
     return ids, np.asarray(P).reshape(-1, 3, 3)
+
+
+def generalised_coordinates(body: FEModel) -> int:
+    """Scalar dofs that share mass with others, such as fixed-interface modes with the nodes of the interface.
+
+    An exchange of two of them in the mass alone leaves mass, centre and inertia of the body, and the pairs of nodes.
+    """
+    scalar = body.dofs.component == SCALAR
+    M = sp.coo_array(body.M)
+    own = np.sqrt(abs(body.M.diagonal()))
+    firm = abs(M.data) > max(_COUPLED, _ROUNDINGS * body.rounding) * own[M.row] * own[M.col]
+    coupled = (M.row != M.col) & firm & scalar[M.row]
+    found = np.unique(M.row[coupled])
+    return found.size if found.size > 1 else 0
 
 
 def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding | None:
