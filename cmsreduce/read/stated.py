@@ -110,7 +110,7 @@ class StatedNodes(NamedTuple):
     force : (N, 3, 6) float64
         Forces of solids under the uniform strains of `STRAINS`.
     terms : (N,) float64
-        Sizes of the forces that add up at each node.
+        Sum of the largest forces of the solids at each node.
     known : (N,) bool
         True for nodes with elements all of which are counted.
     solid : (N,) bool

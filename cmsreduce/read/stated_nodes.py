@@ -53,7 +53,9 @@ def sum_at_nodes(
     solid, known = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     for each in solids:
         np.add.at(force, each.nodes, each.force)
-        np.add.at(terms, each.nodes, np.linalg.norm(each.force, axis=(2, 3)))
+        # A corner of a quadratic tetrahedron has no force: the largest of each element is the measure.
+        size = np.linalg.norm(each.force, axis=(2, 3)).max(axis=1, keepdims=True)
+        np.add.at(terms, each.nodes, np.broadcast_to(size, each.nodes.shape))
         solid[each.nodes] = True
     known[barred] = True
     known |= solid

@@ -218,7 +218,7 @@ def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indice
     terms = stated.terms[at] + np.linalg.norm(
         np.asarray(abs(stated.stiffness) @ abs(flat)).reshape(len(body.nodes), -1)[at], axis=1
     )
-    terms = np.maximum(terms, np.finfo(float).tiny)
     judged &= np.sqrt(noise) < _BLIND * terms
-    ratio = np.divide(product, square, out=np.ones(ids.size), where=square > (EXACT * terms) ** 2)
-    return _Differences(at[judged], (np.sqrt(off) / terms)[judged], ratio[judged], ratio[judged])
+    off, terms, product, square = (part[judged] for part in (off, terms, product, square))
+    ratio = np.divide(product, square, out=np.ones(off.size), where=square > (EXACT * terms) ** 2)
+    return _Differences(at[judged], np.sqrt(off) / terms, ratio, ratio)

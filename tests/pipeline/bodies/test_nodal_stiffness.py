@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.config import build_scene, load_pipeline
-from cmsreduce.model import FEModel, Finding, Proof
+from cmsreduce.model import DofTable, FEModel, Finding, Nodes, Proof
 from cmsreduce.pipeline.bodies import read_flexible
 from cmsreduce.read.isoparametric import SOLIDS, slope_integrals
 from cmsreduce.read.stated_nodes import solid_forces
@@ -134,3 +134,43 @@ def test_forces_of_a_solid_balance_and_do_the_work_of_its_stress(kind: str) -> N
     # Stretch along x: lambda + 2 G along it and lambda across; shear in x and y with G_xy = G_yx = 1: 2 G.
     np.testing.assert_allclose(moments[:, :, 0], volume * np.diag([9.0, 5, 5]), atol=1e-12)
     np.testing.assert_allclose(moments[:, :, 3], volume * 4 * np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, 0]]), atol=1e-12)
+
+
+def quadratic_tetrahedra(second: float) -> tuple[FEModel, list[str]]:
+    """Bar of tetrahedra with nodes between corners, by scikit-fem; its second half has another modulus."""
+    skfem = pytest.importorskip("skfem")
+    from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+    mesh = skfem.MeshTet.init_tensor(np.linspace(0, 1, 3), np.linspace(0, 0.3, 2), np.linspace(0, 0.2, 2))
+    element = skfem.ElementVector(skfem.ElementTetP2())
+    half = mesh.p[0, mesh.t].mean(axis=0) > 0.5
+    basis = skfem.Basis(mesh, element)
+    K = sp.csc_array((basis.N, basis.N))
+    for modulus, cells in ((E, np.flatnonzero(~half)), (second * E, np.flatnonzero(half))):
+        part = skfem.Basis(mesh, element, elements=cells)
+        K = K + sp.csc_array(linear_elasticity(*lame_parameters(modulus, 0.3)).assemble(part))
+    xyz = basis.doflocs[:, ::3].T
+    M = sp.eye_array(basis.N, format="csc")
+    n = basis.N // 3
+    table = DofTable(np.repeat(np.arange(1, n + 1), 3), np.tile([1, 2, 3], n))
+    body = FEModel("part", K, M, table, Nodes.in_basic(range(1, n + 1), xyz))
+    node = basis.element_dofs[::3] // 3 + 1
+    cards = []
+    for k, ids in enumerate(node.T, 1):
+        # scikit-fem sorts the nodes between corners by its own edges; the deck wants those of 12 23 31 14 24 34.
+        corners, rest = list(ids[:4]), list(ids[4:])
+        edges = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
+        middle = [xyz[[corners[a] - 1, corners[b] - 1]].mean(axis=0) for a, b in edges]
+        rest = [min(rest, key=lambda node, at=at: float(np.linalg.norm(xyz[node - 1] - at))) for at in middle]
+        made = [str(i) for i in [*corners, *rest]]
+        cards += [f"CTETRA,{k},{2 if half[k - 1] else 1}," + ",".join(made[:6]), "," + ",".join(made[6:])]
+    return body, [*cards, "PSOLID,1,1", "PSOLID,2,2", f"MAT1,1,{E:.6E},,.3,2700.", f"MAT1,2,{0.01 * E:.6E},,.3,2700."]
+
+
+@pytest.mark.parametrize(("second", "state"), [(0.01, "proven"), (0.012, "refuted")])
+def test_corners_of_quadratic_tetrahedra_have_no_force(tmp_path: Path, second: float, state: str) -> None:
+    body, cards = quadratic_tetrahedra(second)
+    proof, failed = stiffness(tmp_path, body, cards)
+    assert proof.state == state, proof
+    assert not [check for check in failed if "stiffness" in check.name] or state == "refuted"
+    assert state == "refuted" or f"at {body.n // 3} of {body.n // 3} nodes" in proof.remark
