@@ -42,7 +42,7 @@ _MOST_NODES = 600
 # check (1e-6 of mass times size), and a hundred roundings of the file.
 _SHOWS, _ROUNDINGS = 1e-5, 1e3
 
-# Mass between two dofs relative to the masses of both: less is round-off.
+# An entry between two dofs relative to the diagonal entries of both: less is round-off.
 _COUPLED = 1e-9
 # First moments of mass below this share of mass times length are rounding.
 _MOMENT = 1e-6
@@ -84,17 +84,24 @@ def _momentum(body: FEModel) -> tuple[NDArray[np.int64], Array]:
 
 
 def generalised_coordinates(body: FEModel) -> int:
-    """Scalar dofs that share mass with others, such as fixed-interface modes with the nodes of the interface.
+    """Scalar dofs that share mass with others and no stiffness, as fixed-interface modes do with the interface.
 
     An exchange of two of them in the mass alone leaves mass, centre and inertia of the body, and the pairs of nodes.
+    Dofs inside elements share both.
     """
     scalar = body.dofs.component == SCALAR
-    M = sp.coo_array(body.M)
-    own = np.sqrt(abs(body.M.diagonal()))
-    firm = abs(M.data) > max(_COUPLED, _ROUNDINGS * body.rounding) * own[M.row] * own[M.col]
-    coupled = (M.row != M.col) & firm & scalar[M.row]
-    found = np.unique(M.row[coupled])
-    return found.size if found.size > 1 else 0
+    if not scalar.any():
+        return 0
+
+    def shared(A: sp.csc_array) -> NDArray[np.bool_]:
+        entries, own = sp.coo_array(A), np.sqrt(abs(A.diagonal()))
+        least = max(_COUPLED, _ROUNDINGS * body.stiffness_rounding) * own[entries.row] * own[entries.col]
+        found = np.zeros(body.n, dtype=bool)
+        found[entries.row[(entries.row != entries.col) & (abs(entries.data) > least)]] = True
+        return found
+
+    count = int((scalar & shared(body.M) & ~shared(body.K)).sum())
+    return count if count > 1 else 0
 
 
 def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding | None:
