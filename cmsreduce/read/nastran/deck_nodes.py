@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError, ReadError
 from cmsreduce.mechanics import member_stiffness
-from cmsreduce.model import Members, Nodes
+from cmsreduce.model import Members, Nodes, cross_matrix
 from cmsreduce.read.isoparametric import SOLIDS, are_affine, slope_integrals
 from cmsreduce.read.nastran.bars import orientation_of, released_at
 from cmsreduce.read.nastran.cards import Card
@@ -102,7 +102,12 @@ def _stiffness(bars: list[Bar], springs: list[tuple[Array, Indices]], elements: 
     """Stiffness (6 N, 6 N) of bars, and of springs as (4, 4) or smaller matrices at their dofs."""
     nodes, size = elements.nodes, 6 * len(elements.nodes)
     at = np.array([bar.nodes for bar in bars], dtype=np.int64).reshape(-1, 2)
-    blocks = member_stiffness(_members(bars, elements), nodes)
+    members = _members(bars, elements)
+    # An end beside its grid turns with it.
+    arm = np.tile(np.eye(12), (len(bars), 1, 1))
+    for end in (0, 6):
+        arm[:, end : end + 3, end + 3 : end + 6] = -cross_matrix(members.offset[:, end // 6])
+    blocks = arm.transpose(0, 2, 1) @ member_stiffness(members, nodes) @ arm
     dofs = (6 * at[:, :, None] + np.arange(6)).reshape(-1, 12)
     rows = [np.repeat(dofs, 12, axis=1).ravel(), *(np.repeat(own, own.size) for _, own in springs)]
     columns = [np.tile(dofs, (1, 12)).ravel(), *(np.tile(own, own.size) for _, own in springs)]

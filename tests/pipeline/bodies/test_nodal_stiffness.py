@@ -10,11 +10,11 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.config import build_scene, load_pipeline
-from cmsreduce.model import DofTable, FEModel, Finding, Nodes, Proof
+from cmsreduce.model import DofTable, FEModel, Finding, Nodes, Proof, cross_matrix
 from cmsreduce.pipeline.bodies import read_flexible
 from cmsreduce.read.isoparametric import SOLIDS, slope_integrals
 from cmsreduce.read.stated_nodes import solid_forces
-from tests.frames import BAR, Section, frame
+from tests.frames import BAR, Section, beam_matrices, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
 from tests.solids import E, block
 
@@ -90,6 +90,29 @@ def test_springs_of_the_deck(tmp_path: Path) -> None:
         assert proof.state == state, name
         compared = {"both": "at 7 of 7 nodes", "led": "at 5 of 7 nodes"}.get(name, "")
         assert compared in proof.remark
+
+
+def test_bars_beside_their_grids(tmp_path: Path) -> None:
+    """The bar 7 from node 3 to node 7 has ends beside both, with offsets along the basic axes of the grids."""
+    offsets = np.array([[0.02, -0.03, 0.05], [-0.01, 0.04, 0.02]])
+    places = np.array(XYZ)[[2, 6]]
+    kept, ends = frame("part", XYZ, BARS[:6] + BARS[7:]), places + offsets
+    k, _ = beam_matrices(*ends, BAR)
+    for end in (0, 1):
+        arm = np.eye(12)
+        arm[6 * end : 6 * end + 3, 6 * end + 3 : 6 * end + 6] = -cross_matrix(offsets[end])
+        k = arm.T @ k @ arm
+    rows = np.r_[12:18, 36:42]
+    K = kept.K.toarray()
+    K[np.ix_(rows, rows)] += k
+    y = np.cross([0.0, 0.0, 1.0], ends[1] - ends[0])
+    card = "CBAR,7,1,3,7," + ",".join(f"{v:.6f}" for v in y / np.linalg.norm(y))
+    cards = [line for line in CARDS if not line.startswith("CBAR,7,")]
+    cards += [f"{card},GGG", ",,," + ",".join(f"{w}" for w in offsets.ravel())]
+    proof, failed = stiffness(tmp_path, replace(kept, K=sp.csc_array(K)), cards)
+    assert (
+        proof.state == "proven" and "at 7 of 7 nodes" in proof.remark and not [f for f in failed if f.name == BY_NODE]
+    )
 
 
 def test_stress_by_a_static_subcase_is_not_of_the_deck(tmp_path: Path) -> None:
