@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
 from cmsreduce.read import MassOrder, quiet_share
@@ -224,6 +223,8 @@ def _without_lumps(body: FEModel) -> float:
 
 def _hull(body: FEModel) -> float:
     """Volume of the convex hull of the nodes with rows or supports; 0 if they lie in a plane."""
+    from scipy.spatial import ConvexHull
+
     assert body.nodes is not None
     known = body.dofs.node if body.constrained is None else np.concatenate([body.dofs.node, body.constrained.node])
     at = body.nodes.index(np.unique(known))
