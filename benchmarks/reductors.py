@@ -1,22 +1,23 @@
 """Scene shapes against other reductors: error against order and seconds, on systems of one body.
 
-    python benchmarks/reductors.py [SYSTEM ...] [--write]  tables, and with --write picture and benchmarks/reductors.md
+    python benchmarks/reductors.py [SYSTEM ...] [--write]  tables; --write puts these into benchmarks/reductors.md
 
 pyMOR and python-control run in an environment of their own (`python -m venv ENV; ENV/bin/pip install pymor==2026.1.0
-control slycot`), which `PYMOR_PYTHON=ENV/bin/python` names; they are left out without it. ISS-1R is iss.mat of the
-SLICOT collection in ../shared/data/slicot. The solid is the one of `large_scene.py` in its basis of scene
-responses, for every method: no peer factorises it at complex points in minutes.
+control slycot mkl`), which `PYMOR_PYTHON=ENV/bin/python` names; they are left out without it. ISS-1R is iss.mat of the
+SLICOT collection in ../shared/data/slicot. `sparse_reductors.py` adds the table of a sparse solid. The picture shows
+what the page has.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -29,7 +30,6 @@ from scipy.io import loadmat
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.large_scene import CELLS, write_solid  # noqa: E402
 from cmsreduce.config import load_pipeline  # noqa: E402
 from cmsreduce.linalg.blocks import dense  # noqa: E402
 from cmsreduce.pipeline import Run, Silent  # noqa: E402
@@ -47,22 +47,33 @@ from cmsreduce.report.pictures.figure import drawn, legend_above, plain_axes  # 
 from cmsreduce.verify import frequency_grid, frf_error  # noqa: E402
 
 Real = NDArray[np.float64]
+Row = tuple[str, int, float | None, float]
+"""Method, order, error (None: it found none), CPU seconds."""
 PAGE, PICTURE = ROOT / "benchmarks" / "reductors.md", ROOT / "docs" / "smallest-model-peers.png"
 ISS = ROOT.parent / "shared" / "data" / "slicot" / "iss.mat"
 PEER = ROOT / "benchmarks" / "peers" / "reductors.py"
-ORDERS = {"iss": (8, 12, 16), "rotor": (4, 6, 9), "triple": (6, 12), "chain": (3, 6), "solid": (6, 9, 12, 16)}
+ORDERS = {"iss": (8, 12, 16), "rotor": (4, 6, 9), "triple": (6, 12), "chain": (3, 6)}
 TITLES = {
     "iss": "ISS-1R",
     "rotor": "Galileo's rotor",
     "triple": "triple chain, 301 masses",
     "chain": "chain of 100 masses and dampers",
+    "small solid": "solid of 2916 dofs, 20 inputs",
     "solid": "solid of 101 250 dofs, 20 inputs",
 }
 PICTURED = ("iss", "rotor", "solid")
+HOW = (
+    "Error of the response over the band (CPU seconds). `python benchmarks/reductors.py --write`, and "
+    "`python benchmarks/sparse_reductors.py --write` for the solid. SOR-IRKA: at most 8 iterations. Balanced "
+    "truncation by python-control gives first-order models, of two states an order."
+)
 OURS, AFTER_IRKA = "scene shapes", "scene shapes from SOR-IRKA"
 # Errors of decibels are not looked at: peers do not limit them.
 LIMIT = ResponseLimits(0.001, np.inf)
 STEPS = 300
+KRYLOV = "block Krylov at a real shift, by energy"
+# In units of the top of the band.
+KRYLOV_SHIFT = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +87,6 @@ class Modal:
     rate : bool
     omega, coarse : (f,), (g,) float64
         Grids of the errors and of the optimisation.
-    about : str
-        Sentence for the page.
     """
 
     W: Real
@@ -87,16 +96,15 @@ class Modal:
     rate: bool
     omega: Real
     coarse: Real
-    about: str = ""
 
     @classmethod
-    def of(cls, W: Real, D: Real, B: Real, C: Real, rate: bool, band: tuple[float, float], about: str = "") -> Modal:
+    def of(cls, W: Real, D: Real, B: Real, C: Real, rate: bool, band: tuple[float, float]) -> Modal:
         """With grids that have every resonance of the band (in Hz)."""
         inside = 2 * np.pi * band[1] >= W
         fine = frequency_grid(band, 200, W[inside], (D / (2 * W))[inside], 3)
         beside = (W[inside, None] + D[inside, None] * [-0.5, 0.0, 0.5]).ravel()
         coarse = np.unique(np.concatenate([np.geomspace(fine[0], fine[-1], 50), beside]))
-        return cls(W, D, B, C, rate, fine, coarse[(coarse >= fine[0]) & (coarse <= fine[-1])], about)
+        return cls(W, D, B, C, rate, fine, coarse[(coarse >= fine[0]) & (coarse <= fine[-1])])
 
     @property
     def H(self) -> NDArray[np.complex128]:
@@ -180,37 +188,19 @@ def of_matrices(M: Real, D: Real, K: Real, B: Real, band: tuple[float, float]) -
     return Modal.of(np.sqrt(squared), np.einsum("ij,ij->j", Phi, D @ Phi), Phi.T @ B, B.T @ Phi, False, band)
 
 
-def solid(folder: Path, cells: tuple[int, int, int] = CELLS) -> Modal:
-    """The solid of `large_scene.py` in normal modes to three times the band and static shapes of its forces.
-
-    Every method starts from these columns: those of pyMOR and python-control need dense or factorised matrices at each
-    step, which a solid of this size does not allow in minutes.
-    """
-    settings = ["reduce={method: macneal-rubin, cutoff: 3.0}", "balance={keep: all}"]
-    run = Run(load_pipeline(write_solid(folder, cells), settings), folder, Silent())
-    (configuration,) = run.scene.configurations
-    error = run.comparison.error_at(configuration, run.untruncated)
-    system = run.untruncated.assembled.system(configuration)
-    W, D = np.sqrt(dense(system.K).diagonal()), dense(system.D).diagonal()
-    about = (
-        f"All methods start from {W.size} columns: modes to three times the band, and static shapes, which err by "
-        f"{error:.2%}."
-    )
-    return Modal.of(W, D, system.B, system.C1, False, run.scene.band, about)
-
-
-def ours(system: Modal, orders: tuple[int, ...]) -> Iterator[tuple[str, int, float, float]]:
+def ours(system: Modal, orders: tuple[int, ...]) -> Iterator[Row]:
     """Method, order, error and seconds of modes, plain Krylov and scene shapes."""
     n, zeta = system.W.size, system.D / (2 * system.W)
     peak = np.linalg.norm(system.C, axis=0) * np.linalg.norm(system.B, axis=1) / (system.W**2 * np.sqrt(zeta))
-    ports = np.hstack([system.B, system.C.T])
-    # The loads with most strain energy first: an order may be smaller than the number of loads.
-    ports = ports @ np.linalg.svd(ports / system.W[:, None], full_matrices=False)[2].T
-    krylov = np.hstack([ports / system.W[:, None] ** (2 * (k + 1)) for k in range(max(orders) // ports.shape[1] + 2)])
-    krylov /= np.linalg.norm(krylov, axis=0)
+    # Four blocks of the Krylov space of inputs and outputs at a real shift, and those with most strain energy.
+    shift = KRYLOV_SHIFT * system.omega[-1]
+    ports = np.hstack([system.B, system.C.T * (la.norm(system.B) / la.norm(system.C))])
+    solve = 1 / (system.W**2 + shift * system.D + shift**2)
+    space = np.hstack([solve[:, None] ** (k + 1) * ports for k in range(4)])
+    krylov = np.linalg.svd(system.W[:, None] * space, full_matrices=False)[0] / system.W[:, None]
     for r in orders:
         yield "modes by their peaks", r, system.error(np.eye(n)[:, np.argsort(-peak)[:r]]), 0.0
-        yield "plain Krylov, at zero", r, system.error(np.linalg.qr(krylov[:, :r])[0]), 0.0
+        yield KRYLOV, r, system.error(np.linalg.qr(krylov[:, :r])[0]), 0.0
         started = time.process_time()
 
         def judged(shapes: Shapes) -> Judged:
@@ -221,7 +211,7 @@ def ours(system: Modal, orders: tuple[int, ...]) -> Iterator[tuple[str, int, flo
         yield OURS, r, system.error(found.shapes["body"]), time.process_time() - started
 
 
-def peers(system: Modal, orders: tuple[int, ...], folder: Path) -> Iterator[tuple[str, int, float, float]]:
+def peers(system: Modal, orders: tuple[int, ...], folder: Path) -> Iterator[Row]:
     """The same of pyMOR and python-control, and of our optimisation from the shapes of SOR-IRKA."""
     python = os.environ.get("PYMOR_PYTHON")
     if not python:
@@ -245,61 +235,64 @@ def peers(system: Modal, orders: tuple[int, ...], folder: Path) -> Iterator[tupl
             yield AFTER_IRKA, r, system.error(fit.shapes["body"]), time.process_time() - started
 
 
-def table(label: str, rows: list[tuple[str, int, float, float]], about: str) -> list[str]:
-    """Markdown table of one system."""
-    orders = ORDERS[label]
-    lines = [
-        f"\n**{TITLES[label]}**\n",
-        *([f"{about}\n"] if about else []),
-        "| method | " + " | ".join(f"order {r}" for r in orders) + " |",
-    ]
+def table(label: str, orders: Sequence[int], rows: Sequence[Row], about: str = "") -> list[str]:
+    """Markdown section of one system."""
+    lines = [*([about, ""] if about else []), "| method | " + " | ".join(f"order {r}" for r in orders) + " |"]
     lines.append("|---|" + "---|" * len(orders))
     for method in dict.fromkeys(each[0] for each in rows):
-        at = {r: f"{error:.2%} ({seconds:.1f} s)" for own, r, error, seconds in rows if own == method}
+        at = {
+            r: f"no result ({seconds:.0f} s)" if error is None else f"{error:.2%} ({seconds:.1f} s)"
+            for own, r, error, seconds in rows
+            if own == method
+        }
         lines.append(f"| {method} | " + " | ".join(at.get(r, "") for r in orders) + " |")
+    print("\n".join(["", TITLES[label], *lines]), flush=True)
     return lines
+
+
+def write_page(tables: Mapping[str, Sequence[str]]) -> None:
+    """Replace the tables of some systems, and draw the picture from all tables of the page."""
+    _, *parts = re.split(r"^\*\*(.+)\*\*$\n", PAGE.read_text(), flags=re.MULTILINE)
+    sections = {title: body.strip() for title, body in zip(parts[::2], parts[1::2], strict=True)}
+    sections |= {TITLES[label]: "\n".join(lines) for label, lines in tables.items()}
+    kept = [f"**{title}**\n\n{sections[title]}\n" for title in TITLES.values() if title in sections]
+    intro = (__doc__ or "").strip().splitlines()[0]
+    PAGE.write_text("\n".join([f"# Reductors\n\n{intro}\n\n{HOW}\n", *kept]))
+    with drawn(PICTURE, (9.0, 4.0)) as figure:
+        panels = figure.subplots(1, len(PICTURED))
+        colours: dict[str, str] = {}
+        for axes, title in zip(panels, (TITLES[label] for label in PICTURED), strict=True):
+            header, _, *rows = (line for line in sections[title].splitlines() if line.startswith("|"))
+            orders = [int(r) for r in re.findall(r"order (\d+)", header)]
+            drawn_here = set()
+            for method, *cells in ([cell.strip() for cell in row.split("|")[1:-1]] for row in rows):
+                points = [(r, float(cell.split("%")[0])) for r, cell in zip(orders, cells, strict=True) if "%" in cell]
+                # One line a family of methods, of its first row.
+                if points and (family := method.split(",")[0]) not in drawn_here:
+                    drawn_here.add(family)
+                    colour = colours.setdefault(family, f"C{len(colours)}")
+                    axes.plot(*zip(*points, strict=True), color=colour, marker="o", markersize=3, linewidth=1.2)
+            axes.set_yscale("log")
+            axes.set_xlabel("order")
+            axes.set_title(title, fontsize=9)
+            plain_axes(axes, y="log")
+        for family, colour in colours.items():
+            panels[0].plot([], [], color=colour, label=family)
+        panels[0].set_ylabel("frf_error, %")
+        legend_above(figure, panels[0])
 
 
 def main(systems: list[str], write: bool) -> None:
     """Print the tables; write them and the picture."""
-    found: dict[str, list[tuple[str, int, float, float]]] = {}
-    lines = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        makers = {
-            "iss": iss,
-            "rotor": lambda: rotor(folder),
-            "triple": triple_chain,
-            "chain": damped_chain,
-            "solid": lambda: solid(folder),
-        }
+        makers = {"iss": iss, "rotor": lambda: rotor(folder), "triple": triple_chain, "chain": damped_chain}
+        tables = {}
         for label in systems:
-            system = makers[label]()
-            found[label] = [*ours(system, ORDERS[label]), *peers(system, ORDERS[label], folder)]
-            own = table(label, found[label], system.about)
-            print("\n".join(own), flush=True)
-            lines += own
+            system, orders = makers[label](), ORDERS[label]
+            tables[label] = table(label, orders, [*ours(system, orders), *peers(system, orders, folder)])
     if write:
-        intro = (__doc__ or "").strip().splitlines()[0]
-        how = (
-            "Error of the response over the band (CPU seconds). `python benchmarks/reductors.py --write`. SOR-IRKA: at "
-            "most 8 iterations. Balanced truncation by python-control gives first-order models, of two states an order."
-        )
-        text = f"# Reductors\n\n{intro}\n\n{how}\n"
-        PAGE.write_text(text + "\n".join(lines) + "\n")
-        with drawn(PICTURE, (9.0, 3.6)) as figure:
-            shown = {label: rows for label, rows in found.items() if label in PICTURED}
-            panels = np.atleast_1d(figure.subplots(1, len(shown)))
-            for axes, (label, rows) in zip(panels, shown.items(), strict=True):
-                for method in dict.fromkeys(each[0] for each in rows):
-                    points = [(r, error) for own, r, error, _ in rows if own == method]
-                    axes.plot(*zip(*points, strict=True), marker="o", markersize=3, linewidth=1.2, label=method)
-                axes.set_yscale("log")
-                axes.set_xlabel("order")
-                axes.set_title(TITLES[label], fontsize=9)
-                plain_axes(axes, y="log")
-            panels[0].set_ylabel("frf_error")
-            legend_above(figure, panels[0])
+        write_page(tables)
 
 
 if __name__ == "__main__":
