@@ -33,13 +33,11 @@ def responses(model: object, omega: np.ndarray) -> Response:
 
 def methods(data: dict[str, np.ndarray], path: str) -> Iterator[tuple[str, Callable[[int], Response]]]:
     """Name of each method, and its response at an order, which is half the number of states."""
-    # In units of time in which the band ends at 1, where pyMOR's first interpolation points lie.
-    top = data["omega"][-1]
-    W, D, omega = (data[name] / top for name in ("W", "D", "omega"))
-    B, C = data["B"] / top**2, data["C"]
-    Cp, Cv = (0 * C, top * C) if data["rate"] else (C, 0 * C)
+    W, D, B, C, omega = (data[name] for name in ("W", "D", "B", "C", "omega"))
+    rate = bool(data["rate"])
+    Cp, Cv = (0 * C, C) if rate else (C, 0 * C)
     full = SecondOrderModel.from_matrices(np.eye(W.size), np.diag(D), np.diag(W**2), B, Cp, Cv)
-    yield "pyMOR SOBT, pv", lambda r: responses(SOBTpvReductor(full).reduce(r), omega)
+    yield "pyMOR SOBT (pv)", lambda r: responses(SOBTpvReductor(full).reduce(r), omega)
 
     def irka(r: int) -> Response:
         reductor = SORIRKAReductor(full)
@@ -51,7 +49,7 @@ def methods(data: dict[str, np.ndarray], path: str) -> Iterator[tuple[str, Calla
     yield "pyMOR SOR-IRKA", irka
 
     def modal(r: int) -> Response:
-        return responses(MTReductor(full.to_lti()).reduce(2 * r, decomposition="eig"), omega)
+        return responses(MTReductor(full.to_lti()).reduce(2 * r, decomposition="eig", which="SM"), omega)
 
     yield "pyMOR modal truncation", modal
 
