@@ -55,8 +55,8 @@ GOAL = 0.001
 LIMIT = 1200
 LIKE = (
     f"Peers start from K, M and D in memory, share a factor of MKL PARDISO, and end after {LIMIT} s; ours start from "
-    f"the files, and end below {GOAL:.1%}. SOBT: the best of p, v, pv and fv. SOR-IRKA: 3 iterations, the better of its "
-    "model and of a Galerkin projection on its shapes. Krylov: four blocks, cut by strain energy."
+    f"the files, and end below {GOAL:.1%}. SOBT: the best of p, v, pv and fv. SOR-IRKA: 3 iterations, the better of "
+    "its model and of a Galerkin projection on its shapes. Krylov: four blocks, cut by strain energy."
 )
 STORE = ROOT / "build" / "bench" / "reductors"
 # Damping ratio at two frequencies in Hz, about the first mode and the end of the band. A modal ratio has no sparse D.

@@ -8,7 +8,7 @@ import scipy.linalg as la
 
 from cmsreduce.assemble import body_ports
 from cmsreduce.errors import SceneError
-from cmsreduce.model import DofTable, FEModel, Scene, Source
+from cmsreduce.model import DofTable, FEModel, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import METHODS, SceneKrylov, reduction
 from tests.assemble.rigs import at, strut
@@ -111,12 +111,6 @@ def test_residuals_where_nothing_is_are_refused(text, message):
     body = FEModel("bar", whole.K[keep][:, keep], whole.M[keep][:, keep], dofs, whole.nodes, whole.interfaces)
     with pytest.raises(SceneError, match=message):
         body_ports(body, scene([THRUST]), [text])
-
-
-def test_the_node_of_a_calculix_shell_is_looked_for_where_its_nodes_are_listed():
-    body = replace(bar(), sources=(Source("bar.inp", "", "geometry"),))
-    with pytest.raises(SceneError, match=r"no node or interface '99'.*the \.12d file lists them: name one"):
-        body_ports(body, scene([THRUST]), ["99.z"])
 
 
 # Shapes of a scene need more than one body.

@@ -289,6 +289,12 @@ def test_a_point_of_a_shell_or_beam_is_refused_with_what_to_write(tmp_path, name
         opened = Run(load_pipeline(tmp_path / "p.yaml"), tmp_path / "out", Silent())
         _ = opened.bodies
     (words,) = re.search(advice, str(refused.value)).groups()
+    (made,) = re.search(r"made nodes (\d+)", str(refused.value)).groups()
+    own = f"interfaces: {{}}\n    reduce: {{residuals: ['{node}.z']}}"
+    load = text.replace(f"bar.{node},", f"bar.{made},").replace("interfaces: {}", own)
+    (tmp_path / "p.yaml").write_text(load)
+    with pytest.raises(CmsReduceError, match=rf"of node {node} .*: (write 'bar\.105'|name one of them)"):
+        _ = Run(load_pipeline(tmp_path / "p.yaml"), tmp_path / "out", Silent()).bodies
     if words.startswith("n8"):
         text = text.replace("{}", f"{{{words}}}").replace("bar.8", "bar.n8")
     elif words.startswith("rows"):

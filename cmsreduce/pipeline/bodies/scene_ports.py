@@ -36,13 +36,14 @@ def scene_ports(pipeline: Pipeline, body: FEModel, scene: Scene) -> Ports:
     SceneError
         As `body_ports` does. Of a node of a shell or beam, for which CalculiX has others, it names these.
     """
-    geometry = pipeline.components[body.name].geometry
+    geometry, keys = pipeline.components[body.name].geometry, pipeline.reduce_of(body.name)
+    residuals = () if keys is None else keys.residuals
     if geometry is not None:
-        for point in scene.points():
+        loads = (Point(body.name, text.partition(".")[0]) for text in residuals)
+        for point in (*scene.points(), *loads):
             if point.body == body.name and point.name not in body.interfaces and point.name.isdecimal():
                 _refuse_expanded(body, scene, point, geometry.file)
-    keys = pipeline.reduce_of(body.name)
-    return body_ports(body, scene, () if keys is None else keys.residuals)
+    return body_ports(body, scene, residuals)
 
 
 def _refuse_expanded(body: FEModel, scene: Scene, point: Point, geometry: Path) -> None:
@@ -62,6 +63,8 @@ def _refuse_expanded(body: FEModel, scene: Scene, point: Point, geometry: Path) 
     middle = made[int(away.argmin())]
     if len(made) == 1 or away.min() <= _IN_THE_MIDDLE * away.max():
         advice = f"write '{body.name}.{middle}'" + (", the one in their middle" if len(made) > 1 else "")
+    elif point not in scene.points():
+        advice = "name one of them"
     elif len(made) == 2:
         axis = _axis(scene, point)
         pair = ", ".join(f"{body.name}.{one}.{axis}: 0.5" for one in made)
