@@ -18,6 +18,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.bars import offsets_of
 from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable, read_cards
+from cmsreduce.read.nastran.deck_sections import SHAPED, Section, sections_of
 from cmsreduce.read.stated import NotCountedError
 
 __all__ = [
@@ -26,7 +27,6 @@ __all__ = [
     "Elements",
     "Faces",
     "Material",
-    "Section",
     "isotropic",
     "lame_of",
     "node_index",
@@ -44,10 +44,9 @@ UNCOUNTED = (
 """Cards of mass and stiffness that nothing here counts."""
 
 _BARS = {"CBAR": "PBAR", "CBEAM": "PBEAM", "CROD": "PROD", "CONROD": ""}
-_SHAPED = {"PBARL": "PBAR", "PBEAML": "PBEAM"}
 _PLATES, _SOLIDS = {"CTRIA3": 3, "CQUAD4": 4}, {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
 _CARDS = (
-    *(*_BARS, "PBAR", "PBEAM", "PROD", *_SHAPED, *_PLATES, *_SOLIDS, "PSHELL", "PSOLID", "MAT1", "PARAM"),
+    *(*_BARS, "PBAR", "PBEAM", "PROD", *SHAPED, *_PLATES, *_SOLIDS, "PSHELL", "PSOLID", "MAT1", "PARAM"),
     # Cards of mass alone, then of stiffness alone.
     *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1"),
     *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
@@ -60,16 +59,8 @@ _STATED = re.compile(rb"\n(?: +\d+- {8})?(?:CONM[12]|MAT1)\b", re.IGNORECASE)
 _STATIC = re.compile(rb"\n *STATSUB\b", re.IGNORECASE)
 _CONTROL = re.compile(rb"\n *CEND\b", re.IGNORECASE)
 _LOADS = re.compile(rb"\n(?:FORCE|MOMENT|PLOAD|TEMP|DEFORM|SPCD|GRAV|RFORCE|ACCEL)", re.IGNORECASE)
-# Fields of PBAR, PBEAM and PROD: area, moments I1, I2, I12, torsion constant and non-structural mass per length.
-_FIELDS = {"PBAR": (2, 3, 4, 18, 5, 6), "PBEAM": (2, 3, 4, 5, 6, 7), "PROD": (2, None, None, None, 3, 5)}
-# Factors of the shear area: of a PBAR none by default, so that shear is not counted; of a PBEAM 1.
-_SHEAR = {"PBAR": (16, 17, 0.0), "PBEAM": (16, 17, 1.0)}
 # Moduli that contradict each other by more make no isotropic material.
 _ISOTROPIC = 1e-3
-_PLAIN_BEAM = 8  # fields of a PBEAM before its stations
-_DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
-# Programs find the shear area of a section by its shape; where they differ, or it depends on the walls, the least.
-_LEAST_SHEAR = {"ROD": 6 / 7, "TUBE": 0.5, "BAR": 5 / 6}
 
 
 @dataclass(frozen=True)
@@ -80,37 +71,6 @@ class Material:
     G: float
     nu: float
     density: float
-
-
-@dataclass(frozen=True, eq=False)
-class Section:
-    """Section of a bar.
-
-    Parameters
-    ----------
-    material : int
-        Number of its MAT1.
-    area : float
-        Area.
-    moments : (2, 2) float64
-        I1, I12; I12, I2.
-    torsion : float
-        Torsion constant; not a number (nan) where programs find different ones.
-    shear : (2,) float64
-        Factors of the area in shear; 0 for a bar without shear deflection.
-    shear_known : bool
-        True if the deck states them.
-    per_length : float
-        Mass per length that is no structure.
-    """
-
-    material: int
-    area: float
-    moments: Array
-    torsion: float
-    shear: Array
-    shear_known: bool
-    per_length: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +240,7 @@ def node_index(nodes: Nodes, node: int) -> int:
 
 
 def _bars_of(cards: Cards, nodes: Nodes) -> Iterator[Bar]:
-    sections = {(kind, number): made for kind, number, made in _sections(cards)}
+    sections = {(kind, number): made for kind, number, made in sections_of(cards)}
     for name, kind in _BARS.items():
         for card in cards.get(name, ()):
             first = 2
@@ -351,46 +311,3 @@ def _faces(ids: Indices, more: Indices, properties: Indices, made: Mapping[int, 
     if (at < 0).any() or (between < 0).any():
         raise NotCountedError
     return Faces(at.reshape(ids.shape), between.reshape(more.shape), properties, tuple(made.values()), ids.shape[1])
-
-
-def _sections(cards: Cards) -> Iterator[tuple[str, int, Section]]:
-    for name, kind in _SHAPED.items():
-        for card in cards.get(name, ()):
-            yield kind, card.integer(0), _section_by_shape(card)
-    for name, (area, first, second, mixed, twist, more) in _FIELDS.items():
-        for card in cards.get(name, ()):
-            last = _PLAIN_BEAM + 8
-            if name == "PBEAM" and any(card.text(k) for k in range(last, len(card.fields))):
-                raise NotCountedError
-            I1, I2, I12 = (0.0 if k is None else card.real(k) for k in (first, second, mixed))
-            at = _SHEAR.get(name)
-            shear = np.zeros(2) if at is None else np.array([card.real(k, at[2]) for k in at[:2]])
-            moments = np.array([[I1, I12], [I12, I2]])
-            own = card.real(area), moments, card.real(twist), shear, name != "PBEAM", card.real(more)
-            yield name, card.integer(0), Section(card.integer(1), *own)
-
-
-def _section_by_shape(card: Card) -> Section:
-    """Section of a PBARL or PBEAML of a simple shape without taper.
-
-    ROD: radius. TUBE: outer and inner radius. BAR: width, height. BOX: width, height, walls above and beside.
-    """
-    shape = card.text(3)
-    count = _DIMENSIONS.get(shape)
-    # Fields after the dimensions and the non-structural mass are a second station of a beam.
-    if count is None or any(card.text(k) for k in range(8 + count + 1, len(card.fields))):
-        raise NotCountedError
-    d = [card.real(8 + k) for k in range(count)]
-    if shape in ("ROD", "TUBE"):
-        inner = d[1] if shape == "TUBE" else 0.0
-        area = np.pi * (d[0] ** 2 - inner**2)
-        bending = (np.pi / 4 * (d[0] ** 4 - inner**4),) * 2
-    else:
-        w, h = (d[0] - 2 * d[3], d[1] - 2 * d[2]) if shape == "BOX" else (0.0, 0.0)
-        area = d[0] * d[1] - w * h
-        bending = ((d[0] * d[1] ** 3 - w * h**3) / 12, (d[1] * d[0] ** 3 - h * w**3) / 12)
-    # The walls of a box along the force carry its shear.
-    walls = [(d[0] - w) * h / area, (d[1] - h) * w / area] if shape == "BOX" else [_LEAST_SHEAR[shape]] * 2
-    # Round sections alone have one torsion constant.
-    twist = 2 * bending[0] if shape in ("ROD", "TUBE") else np.nan
-    return Section(card.integer(1), float(area), np.diag(bending), twist, np.array(walls), False, card.real(8 + count))
