@@ -172,7 +172,11 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
         if local.compared == local.nodes:
             digits = -math.log10(EXACT)
     if agree:
-        return checks, Proof("stiffness", state, digits, f"{sound}; agrees with the deck {', '.join(agree)}")
+        bent = 0 if stated is None else stated.turning.size
+        seen = 0 if local is None else local.compared
+        rest = "; bending and torsion at the other nodes are not compared: compare its frequencies"
+        remark = f"{sound}; agrees with the deck {', '.join(agree)}{rest if bent > seen else ''}"
+        return checks, Proof("stiffness", state, digits, remark)
     why = "no deck states the materials of its rows" if stated is None else "no uniform strain leaves its supports"
     return [], Proof("stiffness", state, digits, f"{sound}; {why}: compare its frequencies")
 
