@@ -7,13 +7,13 @@ then gives the figures that a user compares.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tests.frames import BAR, beam_matrices, line
+from tests.frames import BAR, beam_matrices, frame, line
 from tests.hard.corruptions.study import Study
 
 __all__ = ["ROWS", "Row"]
@@ -235,6 +235,16 @@ def _without_bar(study: Study) -> None:
     study.K["arm"][6:18, 6:18] -= k
 
 
+def _other_section(**changes: float) -> Callable[[Study], None]:
+    """Stiffness of the arm with another section than that of the deck."""
+
+    def change(study: Study) -> None:
+        places = study.xyz[ARM].tolist()
+        study.K[ARM] = frame(ARM, places, [(1, 2), (2, 3), (3, 4), (4, 5)], section=replace(BAR, **changes)).K.toarray()
+
+    return change
+
+
 def _stiffer_bar(study: Study) -> None:
     """Two more of the bar between the first two nodes of the arm."""
     k, _ = beam_matrices(study.xyz["arm"][0], study.xyz["arm"][1], BAR)
@@ -342,6 +352,9 @@ ROWS: tuple[Row, ...] = (
     Row("a lumped mass of 0.3 left out, grids alone", DECK, _put("M", ARM, _without_lump), unseen=NO_DECK),
     Row("one bar three times as stiff, deck", DECK, _stiffer_bar, deck=True),
     Row("one bar three times as stiff, grids alone", DECK, _stiffer_bar, unseen=NO_DECK),
+    Row("torsion constant of the bars eight times, deck", DECK, _other_section(J=8 * BAR.J), deck=True),
+    Row("torsion constant of the bars eight times, grids alone", DECK, _other_section(J=8 * BAR.J), unseen=NO_DECK),
+    Row("planes of bending exchanged, deck", DECK, _other_section(Iy=BAR.Iz, Iz=BAR.Iy), deck=True),
     Row(
         "two nodes exchanged in a lumped M, deck",
         DECK,
