@@ -177,7 +177,9 @@ def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool
     """True for nodes that K couples with no support, which resists translation and takes a part of their momentum."""
     assert body.nodes is not None
     T = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
-    force, parts = (abs(A @ shapes).max(axis=1) for A, shapes in ((body.K, T), (absolute(body.K), abs(T))))
+    force, parts = (
+        abs(symmetric_product(A)(shapes)).max(axis=1) for A, shapes in ((body.K, T), (absolute(body.K), abs(T)))
+    )
     loud = force > max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * parts
     return ~np.isin(ids, body.dofs.node[loud])
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import absolute
+from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.model import FEModel, Finding
 from cmsreduce.pipeline.bodies.deck_agreement import (
     EXACT,
@@ -207,11 +207,11 @@ def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indice
     force[:, :3] = stated.force
     # A bar gives a force with its other end at this node's place.
     stiff = np.asarray(E @ (stated.stiffness @ flat + force.reshape(-1, len(STRAINS))))
-    found = np.asarray(body.K @ U)[rows]
+    found = symmetric_product(body.K)(U)[rows]
     errors = _ROUNDINGS * body.stiffness_rounding * abs(U) + _PLACES * float(
         np.max(body.nodes.xyz_rounding, initial=0.0)
     )
-    allowed = np.asarray(absolute(body.K) @ errors)[rows]
+    allowed = symmetric_product(absolute(body.K))(errors)[rows]
     beyond = np.maximum(abs(found - stiff) - allowed, 0.0)
     sums = [np.bincount(of, np.sum(part, axis=1)) for part in (beyond**2, allowed**2, found * stiff, stiff**2)]
     off, noise, product, square = sums
