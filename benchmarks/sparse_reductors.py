@@ -211,7 +211,7 @@ def main(methods: list[str], cells: tuple[int, int, int], write: bool) -> None:
     )
     names = {road: road for road in RUNS} | PEERS
     rows = [(names[method], *row) for method in names if method in found for row in found[method]]
-    label = "solid" if cells == CELLS else "small solid"
+    label = "sparse solid" if cells == CELLS else "small sparse solid"
     lines = table(label, ORDERS, rows, about)
     if write and cells in (CELLS, MEDIUM):
         write_page({label: lines})
