@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 import cmsreduce.pipeline.batch
+import cmsreduce.pipeline.drafts
 from cmsreduce.cli import main
 from cmsreduce.pipeline.store import DIAGNOSTICS
 from tests.pipeline.study import PIPELINE, write_study

@@ -61,7 +61,24 @@ def test_killed_at_every_file(study: Path, finished_study: Path) -> None:
 def test_killed_when_a_stage_begins(
     study: Path, finished_study: Path, opened: Callable[..., Run], moment: str, finished: int
 ) -> None:
-    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study), "--verbose"]
+    there = killed_when(moment, study, "--set", "solver.threads=1")
+    # The stage that had just begun may have come to its end before the signal did.
+    assert there == STAGES[: len(there)] and len(there) >= finished
+    goes_on(there, study, finished_study, opened("solver.threads=1"))
+
+
+@pytest.mark.parametrize("moment", ["reduce        panel", "orthogonalise arm", "balance       system"])
+def test_killed_while_two_bodies_are_at_work(
+    study: Path, finished_study: Path, opened: Callable[..., Run], moment: str
+) -> None:
+    there = killed_when(moment, study)
+    assert {"arm.read", "panel.read"} <= {*there}
+    goes_on(there, study, finished_study, opened())
+
+
+def killed_when(moment: str, study: Path, *options: str) -> list[str]:
+    """Stages that are finished when a run is killed as it tells of a moment."""
+    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study), "--verbose", *options]
     with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
         assert process.stderr is not None
         for line in process.stderr:
@@ -71,12 +88,14 @@ def test_killed_when_a_stage_begins(
         assert process.wait() == -signal.SIGKILL
     out = study.parent / "out"
     left = killed.left_behind(out) if out.is_dir() else {"whole": []}
-    # The stage that had just begun may have come to its end before the signal did.
-    there = [stage for stage in STAGES if f"stages/{stage}.h5" in left["whole"]]
-    assert there == STAGES[: len(there)] and len(there) >= finished
-    run = opened()
+    return [stage for stage in STAGES if f"stages/{stage}.h5" in left["whole"]]
+
+
+def goes_on(there: list[str], study: Path, finished_study: Path, run: Run) -> None:
+    """Check that a run does what is not finished, and ends as one that was never killed."""
+    out = study.parent / "out"
     execute(run, study, report=False)
-    stages = [f"{name.split('.')[1]} {name.split('.')[0]}" for name in STAGES[len(there) :]]
+    stages = [f"{name.split('.')[1]} {name.split('.')[0]}" for name in STAGES if name not in there]
     assert sorted(done(run)) == sorted(stage for stage in stages if not stage.startswith("read"))
     assert killed.left_behind(out)["temporary"] == [] == list(out.rglob("*.lock"))
     same_results(out, finished_study / "out")
