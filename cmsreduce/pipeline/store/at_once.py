@@ -51,8 +51,8 @@ def at_once(stages: Stages, work: Callable[[str], T], names: Sequence[str], thre
             for result, failed in pool.map(lambda context, name: context.run(collected, name), contexts, names):
                 report_failures(failed)
                 results.append(result)
-        except KeyboardInterrupt:
-            # The threads end before their next piece of work.
+        except (KeyboardInterrupt, SystemExit):
+            # Ctrl-C, or what another library makes of it: the threads end before their next piece of work.
             stages.interrupted = True
             raise
     return results

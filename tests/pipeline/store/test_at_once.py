@@ -74,7 +74,8 @@ def test_an_interrupted_run_begins_nothing_more(tmp_path: Path) -> None:
                 begun.append(name)
             Event().wait(0.01)
 
-    with pytest.raises(KeyboardInterrupt):
+    # A library for clusters, once it is loaded, makes an exit of the signal.
+    with pytest.raises((KeyboardInterrupt, SystemExit)):
         at_once(stages, work, ("arm", "panel"), 2)
     assert stages.interrupted and len(begun) < 100 * PATIENCE
 
