@@ -43,7 +43,7 @@ def at_once(stages: Stages, work: Callable[[str], T], names: Sequence[str], thre
         with allowed_threads(each), collecting(Failures(log=stages.failures.log)) as failed:
             return work(name), failed
 
-    each = max(1, stages.solver.thread_count // threads)
+    each = max(1, stages.solver.thread_count // max(1, min(threads, len(names))))
     contexts = [copy_context() for _ in names]
     results = []
     with ThreadPoolExecutor(threads) as pool:
