@@ -46,7 +46,8 @@ class Proof:
     subject : str
         Component; empty for the assembled system.
     only : str
-        Part of it that is proven, such as the ``order`` of a mass whose amount nothing states; empty if all of it is.
+        Part of it that is proven, such as the ``order`` of a mass whose amount nothing states, or the ``stretch`` of
+        plates whose bending is not compared; empty if all of it is.
     """
 
     what: str

@@ -176,9 +176,11 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
         seen = 0 if local is None else local.compared
         rest = "; bending and torsion at the other nodes are not compared: compare its frequencies"
         remark = f"{sound}; agrees with the deck {', '.join(agree)}{rest if bent > seen else ''}"
-        return checks, Proof("stiffness", state, digits, remark)
+        shown = "stretch" if negative == 0 and bent > seen else ""
+        return checks, Proof("stiffness", state, digits, remark, only=shown)
     why = "no deck states the materials of its rows" if stated is None else "no uniform strain leaves its supports"
-    return [], Proof("stiffness", state, digits, f"{sound}; {why}: compare its frequencies")
+    remark = f"{sound}; {why}: compare its frequencies"
+    return [], Proof("stiffness", state, digits, remark, only="definiteness" if negative == 0 else "")
 
 
 def _mass(

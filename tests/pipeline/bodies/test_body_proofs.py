@@ -233,6 +233,7 @@ def test_the_amount_of_a_mass_without_materials_is_a_figure_to_compare(
     found = opened(tmp_path, replace(BRICK, M=BRICK.M * mass, K=BRICK.K * stiffness), cards)
     proof = proof_of(found, "mass")
     assert (proof.state, proof.only, proof.label) == ("proven", "order", "mass (order alone)")
+    assert proof_of(found, "stiffness").label == "stiffness (definiteness alone)"
     assert f"no deck states its amount, which is not proven: compare {density}, mass {1518.75 * mass:g}" in proof.remark
     said = [each for each in found.notes if "as no material has" in each]
     assert len(said) == bool(note) and all(note in each for each in said)
