@@ -32,7 +32,6 @@ import cmsreduce as cms  # noqa: E402
 from benchmarks.meshes import free_bar  # noqa: E402
 from cmsreduce.linalg.machine import SolverSettings, solver_settings  # noqa: E402
 from cmsreduce.model import FEModel  # noqa: E402
-from cmsreduce.multifrontal import blas_threads  # noqa: E402
 from cmsreduce.pipeline import Silent, execute  # noqa: E402
 from cmsreduce.pipeline.batch import opened_run  # noqa: E402
 from cmsreduce.reduce import CraigBampton  # noqa: E402
@@ -138,7 +137,7 @@ def measured(dofs: float) -> str:
             path = pool.submit(write_scene, folder, cells).result()
         laps = [time.perf_counter()]
         busy = time.process_time()
-        with blas_threads(1), opened_run(path, (), folder / "out", Silent()) as run:
+        with opened_run(path, (), folder / "out", Silent()) as run:
             # As `execute` does, which finds these stages finished.
             run.makes_reference = True
             for step in (run.read_bodies, partial(run.reduce_bodies, orthonormal=True), partial(execute, run, path)):

@@ -33,6 +33,8 @@ def blas_threads(count: int) -> Iterator[None]:
     The block that was entered last decides; after the last block ends, the library has as many threads as before. MKL
     is not changed if numpy and scipy call another BLAS: the caller of MKL sets its threads at each call.
 
+    OpenBLAS ignores the number of another thread once the main thread has set one: begin the block before them.
+
     Parameters
     ----------
     count : int

@@ -40,13 +40,13 @@ def at_once(stages: Stages, work: Callable[[str], T], names: Sequence[str], thre
     """
 
     def collected(name: str) -> tuple[T, Failures]:
-        with allowed_threads(each), collecting(Failures(log=stages.failures.log)) as failed:
+        with collecting(Failures(log=stages.failures.log)) as failed:
             return work(name), failed
 
-    each = max(1, stages.solver.thread_count // max(1, min(threads, len(names))))
-    contexts = [copy_context() for _ in names]
-    results = []
-    with ThreadPoolExecutor(threads) as pool:
+    each, results = max(1, stages.solver.thread_count // max(1, min(threads, len(names)))), []
+    # Here, because OpenBLAS does not take the number from another thread once this one has set it.
+    with allowed_threads(each), ThreadPoolExecutor(threads) as pool:
+        contexts = [copy_context() for _ in names]
         try:
             for result, failed in pool.map(lambda context, name: context.run(collected, name), contexts, names):
                 report_failures(failed)

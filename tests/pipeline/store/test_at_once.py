@@ -13,6 +13,7 @@ import pytest
 
 from cmsreduce.errors import ReadError
 from cmsreduce.linalg.machine import current_settings
+from cmsreduce.multifrontal.threads import _libraries
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.run import reading
 from cmsreduce.pipeline.store import Stages, at_once, collecting, diagnostic
@@ -47,6 +48,22 @@ def test_results_and_failures_come_in_the_order_of_the_bodies(tmp_path: Path, mo
     assert [each.what for each in failed] == ["the portrait of 'arm'", "the portrait of 'panel'"]
     # Each has its share of the cores.
     assert threads == [2, 2]
+
+
+def test_dense_algebra_of_bodies_at_once_takes_their_share(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(CORES, lambda: 2)
+    libraries = _libraries()
+    # What the end of any block in this thread does.
+    before = [library.get_num_threads() for library in libraries]
+    for library in libraries:
+        library.set_num_threads(2)
+    try:
+        stages = Stages(tmp_path, Log())
+        found = at_once(stages, lambda _: [each.get_num_threads() for each in libraries], ("arm", "panel"), 2)
+    finally:
+        for library, count in zip(libraries, before, strict=True):
+            library.set_num_threads(count)
+    assert found == [[1] * len(libraries)] * 2
 
 
 def test_the_error_of_the_first_body_counts(tmp_path: Path) -> None:
