@@ -6,11 +6,12 @@ The work of a stage belongs in the other rooms of `pipeline`.
 
 from cmsreduce.pipeline.store.at_once import at_once
 from cmsreduce.pipeline.store.diagnostics import DIAGNOSTICS, Failures, collecting, diagnostic, report_failures
+from cmsreduce.pipeline.store.once import branch_of, once
 from cmsreduce.pipeline.store.progress import Progress, Silent
 from cmsreduce.pipeline.store.stage_cache import ORIGIN, cache_entries, clear_cache, read_origin, sole_use, write_origin
 from cmsreduce.pipeline.store.stage_data import decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, code_version, share_stages, stage_key
-from cmsreduce.pipeline.store.stages import FAILURES_LOG, REPORT, CommonWork, Stages, branch_of, once, stage
+from cmsreduce.pipeline.store.stages import FAILURES_LOG, REPORT, CommonWork, Stages, stage
 
 __all__ = [
     "CommonWork",

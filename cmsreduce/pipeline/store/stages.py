@@ -6,7 +6,6 @@ import resource
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
-from copy import copy
 from dataclasses import asdict, replace
 from functools import wraps
 from pathlib import Path
@@ -19,11 +18,12 @@ from cmsreduce.errors import MatrixError, StageError, WriteError
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import Factorisation, mapped_in
 from cmsreduce.pipeline.store.diagnostics import Failures, diagnostic
+from cmsreduce.pipeline.store.once import once
 from cmsreduce.pipeline.store.progress import Progress
 from cmsreduce.pipeline.store.stage_data import Arrays, Given, decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, StageStore
 
-__all__ = ["FAILURES_LOG", "REPORT", "CommonWork", "Stages", "branch_of", "once", "stage"]
+__all__ = ["FAILURES_LOG", "REPORT", "CommonWork", "Stages", "stage"]
 
 REPORT = "report"
 """Not a stage: where it is the only one allowed, nothing is computed."""
@@ -233,43 +233,6 @@ class Stages:
         spent[stage] = spent.get(stage, 0.0) + seconds
         # ru_maxrss is in KiB on Linux.
         self.peak_mib[what] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB
-
-
-def _named(owner: object, *args: object, **named: object) -> Hashable:
-    """Names of the arguments; an argument without a name stands for itself."""
-    return tuple(getattr(value, "name", value) for value in (*args, *named.values()))
-
-
-def once(
-    work: Callable[Concatenate[Any, P], T], about: Callable[..., Hashable] = _named
-) -> Callable[Concatenate[Any, P], T]:
-    """Make a method compute each result once; the object holds the result as long as it lives.
-
-    Parameters
-    ----------
-    work : callable
-        The method.
-    about : callable, optional
-        Takes the object and the arguments, gives the label of the result; by default the names of the arguments, such
-        as that of a configuration.
-    """
-
-    @wraps(work)
-    def remembered(owner: Any, *args: P.args, **named: P.kwargs) -> T:
-        memory: dict[Hashable, T] = owner.__dict__.setdefault("_results", {})
-        label = work.__name__, about(owner, *args, **named)
-        if label not in memory:
-            memory[label] = work(owner, *args, **named)
-        return memory[label]
-
-    return cast(Callable[Concatenate[Any, P], T], remembered)
-
-
-def branch_of(owner: T) -> T:
-    """Copy an object with the results that it holds; what the copy finds further it keeps to itself."""
-    branch = copy(owner)
-    branch.__dict__["_results"] = dict(owner.__dict__.get("_results", {}))
-    return branch
 
 
 @diagnostic("the notes of '{}'", tuple, about=lambda stage, *_, **__: stage or "a stage")
