@@ -53,6 +53,7 @@ _LEFT_OUT = "left out"
 _REFERENCE = "reference"
 
 
+@once
 @diagnostic("the checks of '{}'", tuple, about=lambda run, name: name, required=True)
 def component_checks(run: Run, name: str) -> tuple[Finding, ...]:
     """Checks of one body: of its matrices as read, of its modes, and of its frame."""
@@ -98,6 +99,7 @@ def _find_at_once(run: Run, views: bool) -> None:
 
     def find(name: str) -> None:
         _error_bars_hz(run, name)
+        component_checks(run, name)
         if views:
             body_drawing(run, name)
             body_effective_mass(run, name)
