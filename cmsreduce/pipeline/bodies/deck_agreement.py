@@ -23,6 +23,7 @@ __all__ = [
     "against_deck",
     "energy_ratios",
     "known_dofs",
+    "masses_move",
     "ratio_in_words",
     "row_directions",
     "statement_of",
@@ -106,6 +107,12 @@ def _held(body: FEModel) -> DofTable:
 def known_dofs(body: FEModel) -> DofTable:
     """Dofs whose motion is known: those with rows, and those at rest."""
     return body.dofs.joined(_held(body))
+
+
+def masses_move(body: FEModel, nodal: Array) -> bool:
+    """True if the masses (N,) of all nodes are where rows or supports are, so that no other node carries them."""
+    assert body.nodes is not None
+    return bool(np.isin(body.nodes.id[nodal != 0], known_dofs(body).node).all())
 
 
 def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.model import SCALAR, FEModel, Finding, cross_matrix, rigid_body_shapes
+from cmsreduce.pipeline.bodies.deck_agreement import masses_move
 
 __all__ = [
     "MomentsToward",
@@ -126,7 +127,7 @@ def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding
     ids, P = _momentum(body)
     at = body.nodes.index(ids)
     found, stated = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
-    whole = comparable and bool(np.isin(np.flatnonzero(nodal > 0), at).all())
+    whole = comparable and masses_move(body, nodal)
     # Condensation moves a part of the mass of each node to its neighbours.
     wrong_by, like = (_SAME, _SAME) if whole else (_OTHER, _LIKE)
     off = _apart(found, stated, stated.max(initial=0.0))
@@ -162,8 +163,7 @@ def nodes_times_deck(body: FEModel, nodal: Array) -> float | None:
     assert body.nodes is not None
     ids, P = _momentum(body)
     at = body.nodes.index(ids)
-    known = ids if body.constrained is None else np.concatenate([ids, body.constrained.node])
-    if not np.isin(np.flatnonzero(nodal), body.nodes.index(known)).all():
+    if not masses_move(body, nodal):
         return None
     # Along a direction without rows a node shows no mass.
     whole = (body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3) >= 0).all(axis=1)

@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.config import build_scene, load_pipeline
-from cmsreduce.model import Finding, Proof, cross_matrix
+from cmsreduce.model import FEModel, Finding, Proof, cross_matrix
 from cmsreduce.pipeline.bodies import read_flexible
 from tests.frames import frame
 from tests.pipeline.bodies.decks import bar_cards, write_deck_body
@@ -34,7 +34,7 @@ def cards() -> list[str]:
     return made
 
 
-def mass_proof(folder: Path, points: list, *, lumped: bool = False) -> tuple[Proof, list[Finding]]:
+def mass_proof(folder: Path, points: list, *, lumped: bool = False, held: int = 0) -> tuple[Proof, list[Finding]]:
     M = BODY.M.toarray()
     if lumped:
         M[:] = 0
@@ -45,17 +45,23 @@ def mass_proof(folder: Path, points: list, *, lumped: bool = False) -> tuple[Pro
     for node, mass, w, J in points:
         S, rows = cross_matrix(np.asarray(w)), slice(6 * node - 6, 6 * node)
         M[rows, rows] += np.block([[mass * np.eye(3), -mass * S], [mass * S, np.asarray(J) - mass * S @ S]])
-    body = replace(BODY, M=sp.csc_array(M))
-    pipeline = load_pipeline(write_deck_body(folder, body, [*bar_cards(BARS, XYZ), *cards()]))
+    body, deck, keys = replace(BODY, M=sp.csc_array(M)), [*bar_cards(BARS, XYZ), *cards()], ""
+    if held:
+        left = np.flatnonzero(body.dofs.node != held)
+        body = FEModel("part", body.K[left][:, left], body.M[left][:, left], body.dofs[left], nodes=body.nodes)
+        deck, keys = [*deck, f"SPC1,1,123456,{held}"], "    grounded: true\n"
+    pipeline = load_pipeline(write_deck_body(folder, body, deck, keys))
     found = read_flexible(pipeline, "part", build_scene(pipeline))
     proof = next(proof for proof in found.proofs if proof.what == "mass")
     return proof, [check for check in found.checks if not check.passed]
 
 
 @pytest.mark.parametrize("lumped", [False, True])
-def test_masses_as_the_deck_states_them_are_proven(tmp_path: Path, lumped: bool) -> None:
-    proof, failed = mass_proof(tmp_path, POINTS, lumped=lumped)
-    assert proof.state == "proven" and not failed
+@pytest.mark.parametrize("held", [0, 5])
+def test_masses_as_the_deck_states_them_are_proven(tmp_path: Path, lumped: bool, held: int) -> None:
+    proof, failed = mass_proof(tmp_path, POINTS, lumped=lumped, held=held)
+    # A consistent mass loses what it has in common with the node that is held, and with it the evidence of its order.
+    assert proof.state == ("unproven" if held and not lumped else "proven") and not failed
 
 
 @pytest.mark.parametrize(
@@ -71,8 +77,9 @@ def test_masses_as_the_deck_states_them_are_proven(tmp_path: Path, lumped: bool)
     ids=["lost", "sign of products", "four times", "inertias exchanged", "offsets exchanged"],
 )
 @pytest.mark.parametrize("lumped", [False, True])
-def test_inertias_and_offsets_of_other_masses(tmp_path: Path, wrong: list, nodes: str, lumped: bool) -> None:
-    proof, failed = mass_proof(tmp_path, wrong, lumped=lumped)
+@pytest.mark.parametrize("held", [0, 5])
+def test_inertias_and_offsets_of_other_masses(tmp_path: Path, wrong: list, nodes: str, lumped: bool, held: int) -> None:
+    proof, failed = mass_proof(tmp_path, wrong, lumped=lumped, held=held)
     assert proof.state == "refuted"
     (check,) = (check for check in failed if check.name == CHECK)
     assert set(check.note.removeprefix("at node ").split(", ")) == set(nodes.split(", "))
