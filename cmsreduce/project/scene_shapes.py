@@ -104,7 +104,9 @@ def misfit(sample: ResponseSample, H: Complex, limits: ResponseLimits) -> tuple[
     """
     value, slope = _error_of_band(sample, H, limits)
     heard, decades = _heard(sample)
-    allowed = np.where(heard, _SHARE_OF_DECIBEL * limits.db_error * abs(sample.H), np.inf)
+    # Without a limit in decibels a product with a response of zero would not be a number.
+    allowed = np.full(heard.shape, np.inf)
+    np.multiply(_SHARE_OF_DECIBEL * limits.db_error, abs(sample.H), out=allowed, where=heard)
     miss = H - sample.H
     rho = abs(miss) ** 2 / allowed**2
     below = 1 + _LINEAR * rho

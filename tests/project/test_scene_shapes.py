@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -67,6 +68,15 @@ def test_the_response_is_that_of_the_whole_matrices(damping):
         x = la.solve(whole, forces)
         motion = L[c:] @ x[: -c or None] - rest[c:, :c] @ x[len(Z) :] + rest[c:, c:]
         np.testing.assert_allclose(found.H[k], sample.measure[k] @ motion, rtol=1e-9, atol=1e-9 * abs(found.H).max())
+
+
+def test_a_silent_channel_counts_nothing_where_decibels_have_no_limit():
+    rng = np.random.default_rng(6)
+    (sample,) = random_scene(rng).samples
+    H = sample.H * np.r_[0.0, np.ones(sample.H.shape[1] - 1)][:, None]
+    silent = replace(sample, H=H, elastic=H, heard=sample.heard & (abs(H) > 0).any(axis=0))
+    value, slope = misfit(silent, H * 1.01, ResponseLimits(0.02, np.inf))
+    assert value == pytest.approx(0.5**4) and np.isfinite(slope).all()
 
 
 def test_shapes_do_not_depend_on_their_basis_or_scale():

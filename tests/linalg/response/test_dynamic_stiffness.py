@@ -1,0 +1,79 @@
+"""Solves of a damped body at one frequency: against dense algebra, and the size of their factors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.linalg.response import DynamicStiffness, ResonanceError
+from cmsreduce.linalg.sparse import InsufficientMemoryError, factorise, installed_backends
+from tests.solids import block
+
+BODY = block("bar", [0.6, 0.1, 0.12], [9, 3, 3], held=range(1, 17))
+K, M = sp.csc_array(BODY.K), sp.csc_array(BODY.M)
+OMEGA = 2 * np.pi * 900.0
+LOAD = np.eye(BODY.n)[:, 5:440:6]
+
+
+def dashpot(c: float) -> sp.csc_array:
+    u = sp.csc_array(([1.0, -1.0], ([20, 200], [0, 0])), shape=(BODY.n, 1))
+    return sp.csc_array(c * u @ u.T)
+
+
+def spinning() -> sp.csc_array:
+    """Forces of a body that spins about x: y and z of each node, by their mass."""
+    turn = np.array([[0.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    G = sp.csc_array(sp.kron(sp.eye_array(BODY.n // 3), turn))
+    return sp.csc_array(200 * (M @ G + G @ M))
+
+
+LAWS = {
+    "none": (None, None),
+    "Rayleigh": (40 * M + 1e-5 * K, None),
+    "beyond critical": (2 * OMEGA * M, None),
+    "structural": (None, 0.02 * K),
+    "a strong damper": (dashpot(1e6), None),
+    "a damper and structural": (dashpot(1e3), 0.01 * K),
+    "spinning": (spinning() + 1e-5 * K, None),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("backend", ["auto", "superlu"])
+def test_motions_are_those_of_dense_algebra(law: str, backend: str) -> None:
+    D, loss = LAWS[law]
+    A = K.toarray() - OMEGA**2 * M.toarray() + 0j
+    for factor, part in ((1j * OMEGA, D), (1j, loss)):
+        A += 0 if part is None else factor * part.toarray()
+    expected = np.linalg.solve(A, LOAD)
+    with solver_settings(SolverSettings(backend)):
+        found = DynamicStiffness(K, M, D, loss).solve(LOAD, OMEGA)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * abs(expected).max())
+
+
+@pytest.mark.skipif("multifrontal" not in installed_backends(), reason="needs numba and pymetis")
+def test_a_damped_factor_has_the_order_of_the_symmetric_solver_and_its_memory_is_asked_for() -> None:
+    """Real equations of twice the rows take four times the entries in this order, or twice as many if C is local."""
+    body = block("solid", [0.6, 0.5, 0.4], [16, 14, 12], held=range(1, 16))
+    stiffness = sp.csc_array(body.K)
+    load = np.eye(body.n)[:, :2]
+    with solver_settings(SolverSettings("multifrontal")) as settings:
+        for D in (sp.csc_array(1e-5 * body.K), sp.csc_array(([1e3], ([7], [7])), shape=body.K.shape)):
+            factorise(stiffness)
+            DynamicStiffness(stiffness, sp.csc_array(body.M), D).solve(load, 2 * np.pi * 500.0)
+    alone, whole, _, local = settings.work
+    assert (whole.rows, local.rows) == (2 * body.n, 2 * body.n)
+    assert whole.entries < 4.5 * alone.entries
+    # One damper joins both halves in one row only.
+    assert local.entries < 2.3 * alone.entries
+    Z = DynamicStiffness(stiffness, sp.csc_array(body.M), sp.csc_array(1e-5 * body.K))
+    with solver_settings(SolverSettings("multifrontal", memory=1e6)), pytest.raises(InsufficientMemoryError):
+        Z.solve(load, 2 * np.pi * 500.0)
+
+
+def test_a_resonance_without_damping_is_named() -> None:
+    two = sp.csc_array([[2.0, -1.0], [-1.0, 2.0]])
+    with pytest.raises(ResonanceError, match=r"infinite at 0\.159155 Hz"):
+        DynamicStiffness(two, sp.csc_array(np.eye(2))).solve(np.eye(2), 1.0)
