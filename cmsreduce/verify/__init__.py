@@ -30,7 +30,7 @@ from cmsreduce.verify.constant_loads import (
 )
 from cmsreduce.verify.controller_stability import controller_response, open_loop, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
-from cmsreduce.verify.frequency_grids import decibel_grid, frequency_grid, thinned
+from cmsreduce.verify.frequency_grids import bent_intervals, decibel_grid, frequency_grid, thinned
 from cmsreduce.verify.input_rounding import frequency_error_bars, rigid_motions_proof
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
@@ -94,6 +94,7 @@ __all__ = [
     "StaticLoads",
     "articulation_inertia",
     "articulation_sensors",
+    "bent_intervals",
     "carried_momentum",
     "channel_errors",
     "channel_scales",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["decibel_grid", "frequency_grid", "lowest_frequency", "thinned"]
+__all__ = ["bent_intervals", "decibel_grid", "frequency_grid", "lowest_frequency", "thinned"]
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,9 @@ _THINNING = 0.02
 # Nor do points nearer to each other than this share of their distance to the nearest resonance: a third of the points
 # of two models less, and the fourth digit of an error of 1 % stays.
 _SMOOTH = 0.1
+# The bends of a curve, each as large as its whole second difference, may add up to this share of an integral before
+# intervals are refined. They are a fifth of a peak midway between two points, six half-widths from both.
+_BENT = 1e-3
 
 
 def lowest_frequency(band: tuple[float, float]) -> float:
@@ -69,6 +72,29 @@ def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: A
 def decibel_grid(band: tuple[float, float]) -> Array:
     """Fixed logarithmic grid of 1000 circular frequencies in the band, rad/s."""
     return 2 * np.pi * np.geomspace(lowest_frequency(band), band[1], _DECIBEL_POINTS)
+
+
+def bent_intervals(omega: Array, curves: Array) -> NDArray[np.int64]:
+    """Intervals of a grid that the trapezoidal rule needs more points in.
+
+    Parameters
+    ----------
+    omega : (f,) float64
+        Ascending, three points or more.
+    curves : (k, f) float64
+        Functions to integrate, not negative.
+
+    Returns
+    -------
+    (i,) int64
+        Number of the point on their left.
+    """
+    widths, points = np.gradient(omega), np.zeros(omega.size, dtype=bool)
+    for curve in curves:
+        bends = widths * abs(np.diff(np.concatenate([curve[1:2], curve, curve[-2:-1]]), 2))
+        order = np.argsort(bends)
+        points[order[np.cumsum(bends[order]) > _BENT * np.trapezoid(curve, omega)]] = True
+    return np.flatnonzero(points[:-1] | points[1:])
 
 
 def thinned(grid: Array, omega: Array, zeta: Array, points: int) -> Array:

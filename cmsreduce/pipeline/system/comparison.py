@@ -23,9 +23,9 @@ from cmsreduce.pipeline.store import Progress, diagnostic, once
 from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.pipeline.system.model_errors import Target, model_errors
 from cmsreduce.pipeline.system.reduced_model import ReducedModel
+from cmsreduce.pipeline.system.screening import Screen
 from cmsreduce.verify import (
     channel_scales,
-    db_error,
     db_errors,
     decibel_grid,
     frequency_grid,
@@ -48,9 +48,6 @@ _KEPT_BYTES = 2**27
 _COARSE = 3
 # Frequencies of the grid of the decibel error at which the elastic response of a channel is looked for.
 _LOOKED_AT = 8
-# The grid of the decibel error integrates a resonance to a few per cent where its points are nearer than this many
-# half-widths; it is made so many times as fine at most.
-_HALF_WIDTHS, _FINEST = 1.4, 8
 
 
 class Comparison:
@@ -200,41 +197,13 @@ class Comparison:
         return [error for some in groups for error in self._errors(some, model, quick=True)]
 
     def screened(self, configurations: Sequence[Configuration], model: ReducedModel) -> Real:
-        """frf_error and db_error in many configurations without parameters, of the scene or not (configurations, 2).
-
-        The flexibilities of all bodies are tabulated once on the grid of the decibel error, refined for the sharpest
-        resonance. Modes of the system are not needed, and nothing is held of a configuration but its wiring.
-        """
-        omega, every = self._screen
-        if not configurations:
-            return np.empty((0, 2))
-        every_full, few_full = (self.reference.tables(grid) for grid in (omega, self.few))
-        own, found = model.assembled.tables(omega), []
-        for start in range(0, len(configurations), _TOGETHER):
-            # Both models have the same joints: the second finds their loops closed.
-            some = [self.reference.closed(each) for each in configurations[start : start + _TOGETHER]]
-            full = self.reference.responses(some, [omega] * len(some), every_full)
-            reduced = model.assembled.responses(some, [omega] * len(some), own)
-            for configuration, H, H_r in zip(some, full, reduced, strict=True):
-                rigid = model.assembled.rigid_response(configuration, omega)
-                few, reach = self.reference.collocated(configuration, self.few, few_full)
-                responding = responding_channels(few - rigid[np.searchsorted(omega, self.few)], reach)
-                elastic, elastic_r = (np.where(responding, X - rigid, 0.0) for X in (H, H_r))
-                scales = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)
-                decibel = db_error(H[::every], H_r[::every], *scales)
-                found.append((frf_error(omega, elastic, elastic_r, *scales), decibel))
-        return np.array(found)
+        """frf_error and db_error in many configurations without parameters, of the scene or not (configurations, 2)."""
+        return self._screen.errors(configurations, model.assembled)
 
     @property
     @once
-    def _screen(self) -> tuple[Real, int]:
-        """Grid of `screened`, of which one in so many points is one of the decibel error."""
-        grid = self._decibel
-        zeta = self.reference.resonances(self.scene.configurations[0]).zeta.min(initial=1.0)
-        every = int(np.clip(np.ceil(np.log(grid[1] / grid[0]) / (_HALF_WIDTHS * max(zeta, 1e-9))), 1, _FINEST))
-        omega = np.geomspace(grid[0], grid[-1], every * (grid.size - 1) + 1)
-        omega[::every] = grid
-        return omega, every
+    def _screen(self) -> Screen:
+        return Screen(self.reference, self._decibel, self.few)
 
     def _errors(
         self, configurations: Sequence[Configuration], model: ReducedModel, *, quick: bool = False
