@@ -19,7 +19,8 @@ from cmsreduce.pipeline.project import range_errors, response_shapes
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
 from cmsreduce.pipeline.project.response_samples import SampledScene
 from cmsreduce.project import shape_search
-from cmsreduce.verify import frequency_grids
+from cmsreduce.verify import channel_scales, frequency_grids, frf_error
+from tests.beam_chain import write_beam_chain
 from tests.pipeline.study import write_study
 from tests.two_beams import write_two_beams
 
@@ -105,8 +106,9 @@ def test_auto_meets_all_limits_with_fewer_shapes_than_modes(tmp_path: Path) -> N
     assert sum(c.elastic_count for c in stricter.final.values()) < sum(c.elastic_count for c in run.final.values())
 
 
-def test_auto_holds_the_limit_in_the_whole_range(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # A short search on few frequencies: what is held in the range does not depend on how small the model is.
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A short search on few frequencies: what is held in the range does not depend on how small the model is."""
     short: dict[ModuleType, dict[str, int]] = {
         frequency_grids: {"_DECIBEL_POINTS": 250},
         range_errors: {"_CLIMBED": 1},
@@ -116,6 +118,10 @@ def test_auto_holds_the_limit_in_the_whole_range(study: Path, monkeypatch: pytes
     for module, values in short.items():
         for name, value in values.items():
             monkeypatch.setattr(module, name, value)
+
+
+@pytest.mark.usefixtures("short")
+def test_auto_holds_the_limit_in_the_whole_range(study: Path) -> None:
     limits = ["verify.limits={frf_error: 0.2}", "scene.articulation={hinge: [0, 90 deg]}"]
     run = opened(study, *limits, "project={responses: auto}")
     assert run.projected is not None
@@ -125,6 +131,25 @@ def test_auto_holds_the_limit_in_the_whole_range(study: Path, monkeypatch: pytes
     assert len(record.between) > 8 and max(record.between.values()) <= 0.2
     unseen = ArticulationRange(run.scene).random(12, 5)
     assert max(run.comparison.quick_errors(unseen, run.model)) <= 0.2
+    assert sum(c.elastic_count for c in run.final.values()) < sum(c.elastic_count for c in run.kept.values())
+
+
+@pytest.mark.usefixtures("short")
+def test_two_hinges_that_turn_independently_hold_the_limit_at_any_angles(tmp_path: Path) -> None:
+    """At random pairs of angles, by solves of the unreduced bodies."""
+    path = write_beam_chain(tmp_path)
+    settings = ["project={responses: auto}", "reduce.cutoff=10", "verify.limits={frf_error: 0.2}"]
+    run = Run(load_pipeline(path, settings), tmp_path / "out", Silent())
+    assert run.projected is not None
+    span = ArticulationRange(run.scene)
+    assert len(span.axes) == 2 and len(run.projected.record.between) > 8
+    for each in span.random(6, 7):
+        found = run.model.assembled.resonances(each)
+        w = frequency_grids.frequency_grid(run.scene.band, 200, found.omega, found.zeta)
+        H, H_r = run._solved_directly(each, w), run.model.assembled.response(each, w)
+        rigid = run.model.assembled.rigid_response(each, w)
+        scales = channel_scales(run.scene.actuators, run.scene.sensors, H - rigid, H, w)
+        assert frf_error(w, H - rigid, H_r - rigid, *scales) <= 0.2
     assert sum(c.elastic_count for c in run.final.values()) < sum(c.elastic_count for c in run.kept.values())
 
 
