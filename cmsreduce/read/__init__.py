@@ -48,7 +48,7 @@ from cmsreduce.read.row_order import (
     prove_row_order,
     quiet_share,
 )
-from cmsreduce.read.stated import STRAINS, StatedEnergy, StatedMass, StatedNodes
+from cmsreduce.read.stated import SAME_PLACE, STRAINS, StatedEnergy, StatedMass, StatedNodes, StatedPlates
 from cmsreduce.read.superelement import SuperelementMatrices, superelement_damping, superelement_matrices
 
 __all__ = [
@@ -72,10 +72,12 @@ __all__ = [
     "StoredMatrix",
     "SuperelementMatrices",
     "bars_in_units",
+    "SAME_PLACE",
     "STRAINS",
     "StatedEnergy",
     "StatedMass",
     "StatedNodes",
+    "StatedPlates",
     "deck_energy",
     "deck_mass",
     "damping_order_doubt",

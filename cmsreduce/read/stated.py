@@ -26,6 +26,7 @@ __all__ = [
     "StatedEnergy",
     "StatedMass",
     "StatedNodes",
+    "StatedPlates",
     "Statement",
     "are_curved",
     "as_inertia",
@@ -100,6 +101,36 @@ class StatedMass(NamedTuple):
     turning: Array | None = None
 
 
+class StatedPlates(NamedTuple):
+    """Plates of a deck.
+
+    Parameters
+    ----------
+    corners : (e, 4) int64
+        Positions of their nodes, around them; -1 in place of the fourth of a triangle.
+    axes : (e, 3, 3) float64
+        Rows: two axes in the plane, and the normal, about which the corners turn.
+    laminate : (e, 6, 6) float64
+        Forces and moments per length, xx, yy and xy of each, by strains and curvatures in those axes.
+    flat : (e,) bool
+        True for plates in a plane whose stiffness is known.
+    alike : (e,) int64
+        The same number for plates of one formulation and property.
+    """
+
+    corners: NDArray[np.int64]
+    axes: Array
+    laminate: Array
+    flat: NDArray[np.bool_]
+    alike: NDArray[np.int64]
+
+    def touch(self, which: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+        """Nodes (count,) of some of the plates (e,)."""
+        found, corners = np.zeros(count, dtype=bool), self.corners[which]
+        found[corners[corners >= 0]] = True
+        return found
+
+
 class StatedNodes(NamedTuple):
     """Stiffness at the nodes of a deck, in its units.
 
@@ -113,8 +144,10 @@ class StatedNodes(NamedTuple):
         Sum of the largest forces of the solids at each node.
     known : (N,) bool
         True for nodes with elements all of which are counted.
-    solid : (N,) bool
-        True for nodes of solids.
+    solid, barred : (N,) bool
+        True for nodes of solids; of bars and beams, also of those whose stiffness is not known.
+    plates : StatedPlates, optional
+        All plates.
     """
 
     stiffness: sp.csr_array
@@ -122,6 +155,8 @@ class StatedNodes(NamedTuple):
     terms: Array
     known: NDArray[np.bool_]
     solid: NDArray[np.bool_]
+    barred: NDArray[np.bool_]
+    plates: StatedPlates | None = None
 
 
 class StatedEnergy(NamedTuple):

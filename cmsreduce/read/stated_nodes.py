@@ -14,9 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.read.stated import STRAINS, StatedNodes
+from cmsreduce.read.stated import SAME_PLACE, STRAINS, StatedNodes, StatedPlates
 
-__all__ = ["SolidForces", "solid_forces", "sum_at_nodes"]
+__all__ = ["SolidForces", "flat_plates", "solid_forces", "sum_at_nodes"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -42,23 +42,57 @@ def solid_forces(nodes: Indices, slopes: Array, G: Array, lame: Array) -> SolidF
     return SolidForces(nodes, np.einsum("eijs,ekj->ekis", stress, slopes))
 
 
+def flat_plates(corners: Indices, xyz: Array, laminate: Array, alike: Indices) -> StatedPlates:
+    """Plates (e,) by the positions of their corners (e, k), with a laminate (e, 6, 6) about the first edge.
+
+    Triangles have three corners, quadrilaterals four. ``alike`` is the same number for plates of one property.
+    """
+    x = xyz[corners]
+    across = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
+    size, twice = np.ptp(x, axis=1).max(axis=1), np.linalg.norm(across, axis=1)
+    n = across / np.maximum(twice, np.finfo(float).tiny)[:, None]
+    first = x[:, 1] - x[:, 0]
+    first = first - n * np.einsum("ei,ei->e", first, n)[:, None]
+    first = first / np.maximum(np.linalg.norm(first, axis=1), np.finfo(float).tiny)[:, None]
+    off = abs(np.einsum("eki,ei->ek", x - x.mean(axis=1, keepdims=True), n)).max(axis=1)
+    # All corners are convex, or the element has no shape.
+    sides = np.roll(x, -1, axis=1) - x
+    turns = np.einsum("eki,ei->ek", np.cross(np.roll(sides, 1, axis=1), sides), n)
+    flat = (off <= SAME_PLACE * size) & (turns > SAME_PLACE * size[:, None] ** 2).all(axis=1)
+    four = np.full((len(x), 4), -1)
+    four[:, : corners.shape[1]] = corners
+    return StatedPlates(four, np.stack([first, np.cross(n, first), n], axis=1), laminate, flat, alike)
+
+
 def sum_at_nodes(
-    count: int, solids: Iterable[SolidForces], stiffness: sp.csr_array | None, barred: Indices, unknown: Indices
+    count: int,
+    solids: Iterable[SolidForces],
+    stiffness: sp.csr_array | None,
+    known: Indices,
+    unknown: Indices,
+    bars: Indices | None = None,
+    plates: StatedPlates | None = None,
 ) -> StatedNodes | None:
     """Add up the elements at each of ``count`` nodes; None if no node is known.
 
-    ``barred`` are nodes of bars and springs with a known stiffness, ``unknown`` those of other elements.
+    ``known`` are nodes of bars and springs with a known stiffness, ``unknown`` those of elements without one, ``bars``
+    those of all bars. Nodes of solids with plates are unknown, too.
     """
     force, terms = np.zeros((count, 3, len(STRAINS))), np.zeros(count)
-    solid, known = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
+    solid, sure, barred = (np.zeros(count, dtype=bool) for _ in range(3))
     for each in solids:
         np.add.at(force, each.nodes, each.force)
         # A corner of a quadratic tetrahedron has no force: the largest of each element is the measure.
         size = np.linalg.norm(each.force, axis=(2, 3)).max(axis=1, keepdims=True)
         np.add.at(terms, each.nodes, np.broadcast_to(size, each.nodes.shape))
         solid[each.nodes] = True
-    known[barred] = True
-    known |= solid
-    known[unknown] = False
+    if bars is not None:
+        barred[bars] = True
+    sure[known] = True
+    sure |= solid
+    if plates is not None:
+        plated = plates.touch(np.ones(len(plates.flat), dtype=bool), count)
+        sure = (sure | plated) & ~(solid & plated)
+    sure[unknown] = False
     K = sp.csr_array((6 * count, 6 * count)) if stiffness is None else stiffness
-    return StatedNodes(K, force, terms, known, solid) if known.any() else None
+    return StatedNodes(K, force, terms, sure, solid, barred, plates) if sure.any() else None

@@ -173,7 +173,7 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
             digits = -math.log10(EXACT)
     if agree:
         bent = 0 if stated is None else stated.turning.size
-        seen = 0 if local is None else local.compared
+        seen = 0 if stated is None or local is None else int(local.bending[stated.turning].sum())
         rest = "; bending and torsion at the other nodes are not compared: compare its frequencies"
         remark = f"{sound}; agrees with the deck {', '.join(agree)}{rest if bent > seen else ''}"
         shown = "stretch" if negative == 0 and bent > seen else ""

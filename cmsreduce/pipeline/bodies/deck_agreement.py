@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from cmsreduce.verify import rigid_mass_properties
 __all__ = [
     "BOUNDED",
     "EXACT",
+    "Differences",
     "against_deck",
     "energy_ratios",
     "known_dofs",
@@ -68,6 +70,16 @@ _FACTORS: Mapping[str, float] = {
     "psi against MPa": 1e6 / 6894.7573,
 }
 _SAME_FACTOR = 5e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Nodes, by position, their relative differences from the deck, and least and largest ratio to it."""
+
+    at: NDArray[np.int64]
+    off: Array
+    low: Array
+    high: Array
 
 
 def ratio_in_words(low: float, high: float) -> str:

@@ -12,12 +12,14 @@ from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.model import FEModel, Finding
 from cmsreduce.pipeline.bodies.deck_agreement import (
     EXACT,
+    Differences,
     known_dofs,
     ratio_in_words,
     row_directions,
     uniform_strains,
 )
 from cmsreduce.pipeline.bodies.nodal_mass import away_from_supports
+from cmsreduce.pipeline.bodies.nodal_plates import of_plates
 from cmsreduce.read import STRAINS, StatedNodes
 
 __all__ = ["NodesAgainstDeck", "nodes_against_deck"]
@@ -45,21 +47,14 @@ class NodesAgainstDeck:
         Largest difference at a node, relative, beyond what the digits of matrix and coordinates allow.
     compared, nodes : int
         Nodes that were compared, and all nodes with rows.
+    bending : (N,) bool
+        True for nodes where bending and torsion of all bars and plates were compared, there or at their other ends.
     """
 
     check: Finding
     compared: int
     nodes: int
-
-
-@dataclass(frozen=True, eq=False)
-class _Differences:
-    """Nodes, their relative differences, and least and largest ratio to the deck."""
-
-    at: Indices
-    off: Array
-    low: Array
-    high: Array
+    bending: Flags
 
 
 def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck | None:
@@ -67,7 +62,8 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
 
     Rows of nodes that bars and springs alone hold are compared entry by entry, relative to the stiffness of both nodes
     in each direction, so that twist and bending show beside stretch. Nodes of solids are compared by their forces
-    under uniform strains, which show at every surface and at every face between two materials.
+    under uniform strains, which show at every surface and at every face between two materials; nodes of flat plates by
+    their forces and moments under uniform strains and curvatures.
 
     Parameters
     ----------
@@ -89,10 +85,17 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
     # An element on a dof without rows gives its stiffness to others.
     lost = np.asarray(abs(stated.stiffness) @ np.repeat(~whole, 6).astype(float)).reshape(-1, 6).any(axis=1)
     known = stated.known & whole & ~lost
-    found = [
-        _of_bars(body, sp.csr_array(E @ stated.stiffness @ E.T), rows, known & ~stated.solid),
-        _of_solids(body, stated, E, rows, known & stated.solid),
-    ]
+    bending = ~stated.barred
+    plated = np.zeros(len(body.nodes), dtype=bool)
+    found = [_of_solids(body, stated, E, rows, known & stated.solid)]
+    if (plates := stated.plates) is not None:
+        plated = plates.touch(np.ones(len(plates.flat), dtype=bool), plated.size)
+        of_these, shown = of_plates(body, stated, rows, known & plated)
+        found.append(of_these)
+        bending &= ~plates.touch(~shown, plated.size)
+    by_entry = known & ~stated.solid & ~plated
+    found.append(_of_bars(body, sp.csr_array(E @ stated.stiffness @ E.T), rows, by_entry))
+    bending[found[-1].at] = True
     at, off, low, high = (
         np.concatenate([getattr(each, name) for each in found]) for name in ("at", "off", "low", "high")
     )
@@ -105,9 +108,11 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
         named = ", ".join(str(body.nodes.id[k]) for k in at[wrong[:_NAMED]])
         more = f" and {wrong.size - _NAMED} more" if wrong.size > _NAMED else ""
         first = wrong[0]
-        note = f"at node {named}{more}; at the first {ratio_in_words(float(low[first]), float(high[first]))}"
+        known_ratio = np.isfinite(low[first]) and np.isfinite(high[first])
+        words = ratio_in_words(float(low[first]), float(high[first])) if known_ratio else "forces that the deck has not"
+        note = f"at node {named}{more}; at the first {words}"
     check = Finding("stiffness of each node against the deck", float(off[order[0]]), EXACT, note)
-    return NodesAgainstDeck(check, at.size, np.unique(body.dofs.node[rows]).size)
+    return NodesAgainstDeck(check, np.unique(at).size, np.unique(body.dofs.node[rows]).size, bending)
 
 
 def _whole(body: FEModel, stated: StatedNodes) -> Flags:
@@ -118,14 +123,14 @@ def _whole(body: FEModel, stated: StatedNodes) -> Flags:
     return np.asarray(known[:, :3].all(axis=1) & (known[:, 3:].all(axis=1) | ~turned))
 
 
-def _of_bars(body: FEModel, S: sp.csr_array, rows: Indices, known: Flags) -> _Differences:
+def _of_bars(body: FEModel, S: sp.csr_array, rows: Indices, known: Flags) -> Differences:
     """Differences of the rows of nodes that bars and springs hold."""
     assert body.nodes is not None
     place = body.nodes.index(body.dofs.node[rows])
     own = np.flatnonzero(known[place])
     at, of = np.unique(place[own], return_inverse=True)
     if not at.size:
-        return _Differences(at, np.zeros(0), np.zeros(0), np.zeros(0))
+        return Differences(at, np.zeros(0), np.zeros(0), np.zeros(0))
     S = sp.csr_array(S[own][:, own])
     K = sp.csr_array(sp.csr_array(body.K[rows[own]])[:, rows[own]])
     W = _scaling(S, of, (body.dofs.component[rows[own]] - 1).astype(np.int64), at.size)
@@ -141,7 +146,7 @@ def _of_bars(body: FEModel, S: sp.csr_array, rows: Indices, known: Flags) -> _Di
     worst = np.zeros(at.size)
     np.maximum.at(worst, off.row // 6, beyond)
     low, high = _ratios(scaled, at.size)
-    return _Differences(at, worst, low, high)
+    return Differences(at, worst, low, high)
 
 
 def _scaling(S: sp.csr_array, of: Indices, slot: Indices, count: int) -> sp.csr_array:
@@ -186,7 +191,7 @@ def _ratios(scaled: sp.csr_array, count: int) -> tuple[Array, Array]:
     return np.asarray(np.where(np.isfinite(least), least, 0.0)), np.asarray(weight[:, -1])
 
 
-def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indices, known: Flags) -> _Differences:
+def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indices, known: Flags) -> Differences:
     """Differences of the forces of nodes of solids under uniform strains."""
     assert body.nodes is not None
     ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
@@ -195,7 +200,7 @@ def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indice
     if judged.any():
         judged &= away_from_supports(body, ids)
     if not judged.any():
-        return _Differences(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+        return Differences(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
     centre = body.nodes.xyz.mean(axis=0)
     U = uniform_strains(body.dofs, body.nodes, centre)
     x, every = body.nodes.xyz - centre, np.zeros((len(body.nodes), 6, len(STRAINS)))
@@ -220,5 +225,5 @@ def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indice
     )
     judged &= np.sqrt(noise) < _BLIND * terms
     off, terms, product, square = (part[judged] for part in (off, terms, product, square))
-    ratio = np.divide(product, square, out=np.ones(off.size), where=square > (EXACT * terms) ** 2)
-    return _Differences(at[judged], np.sqrt(off) / terms, ratio, ratio)
+    ratio = np.divide(product, square, out=np.full(off.size, np.nan), where=square > (EXACT * terms) ** 2)
+    return Differences(at[judged], np.sqrt(off) / terms, ratio, ratio)

@@ -13,6 +13,7 @@ from cmsreduce.read.isoparametric import SOLIDS, are_affine, slope_integrals
 from cmsreduce.read.nastran.bars import orientation_of, released_at
 from cmsreduce.read.nastran.cards import Card
 from cmsreduce.read.nastran.deck_elements import UNCOUNTED, Bar, Elements, Faces, isotropic, lame_of
+from cmsreduce.read.nastran.deck_plates import stated_plates
 from cmsreduce.read.stated import SAME_PLACE, NotCountedError, StatedNodes
 from cmsreduce.read.stated_nodes import SolidForces, solid_forces, sum_at_nodes
 
@@ -51,20 +52,22 @@ def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNode
         return None
     count = len(elements.nodes)
     try:
-        bars, plates, solids = elements.bars, elements.plates, elements.solids
+        bars, solids = elements.bars, elements.solids
         springs, beside = _springs(elements)
         exact = [bar for bar in bars if _is_exact(bar, elements)]
         forces, unlike = _solid_forces(elements, solids)
-        stiffness = _stiffness(exact, springs, elements)
+        stiffness, plates = _stiffness(exact, springs, elements), stated_plates(elements)
     except (ReadError, NotCountedError, MatrixError):
         return None
-    own = [bar.nodes for bar in bars] + [np.hstack([each.nodes, each.between]).ravel() for each in (*plates, *solids)]
+    own = [bar.nodes for bar in bars] + [
+        np.hstack([each.nodes, each.between]).ravel() for each in (*elements.plates, *solids)
+    ]
     if own and not moving[np.concatenate(own)].all():
         return None
-    barred = _joined([bar.nodes for bar in exact] + [at // 6 for _, at in springs])
+    known = _joined([bar.nodes for bar in exact] + [at // 6 for _, at in springs])
     loose = [bar.nodes for bar in bars if not _is_exact(bar, elements)]
-    unknown = [*loose, *unlike, *(each.nodes.ravel() for each in plates), *beside, _followed(elements)]
-    return sum_at_nodes(count, forces, stiffness, barred, _joined(unknown))
+    unknown = [*loose, *unlike, *beside, _followed(elements)]
+    return sum_at_nodes(count, forces, stiffness, known, _joined(unknown), _joined([bar.nodes for bar in bars]), plates)
 
 
 def _joined(parts: list[Indices]) -> Indices:
