@@ -20,8 +20,8 @@ from scipy.sparse.csgraph import connected_components
 
 from cmsreduce.model import FEModel, Nodes
 from cmsreduce.pipeline.bodies.deck_agreement import EXACT, Differences
-from cmsreduce.pipeline.bodies.plate_fields import PlateFields, fields_of_plates, unit
-from cmsreduce.read import SAME_PLACE, StatedNodes, StatedPlates
+from cmsreduce.pipeline.bodies.plate_fields import PlateFields, fields_of_plates, uneven_plates, unit
+from cmsreduce.read import StatedNodes, StatedPlates
 
 __all__ = ["of_plates"]
 
@@ -115,7 +115,7 @@ def of_plates(body: FEModel, stated: StatedNodes, rows: Indices, judged: Flags) 
     assert plates is not None and body.nodes is not None
     fields = fields_of_plates(body, plates, rows, judged)
     edges = _edges(fields, plates, body.nodes)
-    uneven = np.bincount(fields.field, _uneven(plates, body.nodes)[fields.plate], fields.count) > 0
+    uneven = np.bincount(fields.field, uneven_plates(plates, body.nodes)[fields.plate], fields.count) > 0
     bending, stretch = _forces(body, stated, rows, fields, edges)
     parts = [(*_differences(each, fields, uneven), _ratios(each)) for each in (bending, stretch)]
     at, off, ratio = (
@@ -137,7 +137,7 @@ def _forces(
     """Force across, times a length, and moments in the plane by bending; forces in the plane by stretch."""
     assert body.nodes is not None
     n, own = fields.normal, fields.node[fields.of]
-    x = body.nodes.xyz[fields.at] - body.nodes.xyz[own]
+    x = body.nodes.xyz[fields.at] - body.nodes.xyz[fields.origin[fields.of]]
     slope = np.einsum("pij,pj->pi", fields.curvature[fields.of], x)
     motion = np.zeros((own.size, 6, 2))
     motion[:, :3, 0] = n[fields.of] * (np.einsum("pi,pi->p", slope, x) / 2)[:, None]
@@ -149,11 +149,12 @@ def _forces(
     beside = np.linalg.norm(
         _sum(_products(abs(bars), own, fields.at, abs(motion)), fields.of, fields.count).reshape(-1, 2, 3, 2), axis=2
     )
-    noise = _noise(K, body)[fields.node]
-    first = unit(np.cross(n, np.eye(3)[abs(n).argmin(axis=1)]))
-    frame = np.stack([first, np.cross(n, first)], axis=1)
     length = np.zeros(fields.count)
     np.maximum.at(length, fields.of, np.linalg.norm(x, axis=1))
+    # About a support beside the node, places are twice as far away.
+    noise = _noise(K, body)[fields.node] * np.where(fields.origin == fields.node, 1.0, 4.0)[:, None, None]
+    first = unit(np.cross(n, np.eye(3)[abs(n).argmin(axis=1)]))
+    frame = np.stack([first, np.cross(n, first)], axis=1)
     sure, pull = (
         np.einsum("fai,fi->fa", frame, _sum(part, fields.field, fields.count)) for part in (edges.moment, edges.force)
     )
@@ -186,14 +187,6 @@ def _differences(forces: _Forces, fields: PlateFields, uneven: Flags) -> tuple[F
     if np.sum(size[around] <= _BALANCED) <= _PASS * np.sum(around):
         compared &= ~uneven
     return compared, np.linalg.norm(np.maximum(beyond - digits, 0), axis=1)
-
-
-def _uneven(plates: StatedPlates, nodes: Nodes) -> Flags:
-    """True for quadrilaterals (e,) that are no parallelograms, for which some elements fail the patch test."""
-    x = nodes.xyz[plates.corners]
-    off = np.linalg.norm(x[:, 0] - x[:, 1] + x[:, 2] - x[:, 3], axis=1)
-    size = np.linalg.norm(x[:, 2] - x[:, 0], axis=1)
-    return np.asarray((plates.corners[:, 3] >= 0) & (off > SAME_PLACE * size))
 
 
 def _ratios(forces: _Forces) -> Array:

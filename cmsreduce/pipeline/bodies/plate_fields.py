@@ -2,7 +2,8 @@
 
 A field bends plates to a constant curvature, or stretches them uniformly. It vanishes at its node, and at all nodes
 beyond a straight line of edges through that node, where nothing is deformed. So a panel is seen alone, also at a fold
-to another one or beside a stiffener. Where all plates at a node are in one plane, all of them move, too.
+to another one or beside a stiffener. Where all plates at a node are in one plane, all of them move, too: about that
+node, or about a support beside it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from cmsreduce.model import FEModel, Nodes
 from cmsreduce.pipeline.bodies.deck_agreement import known_dofs
 from cmsreduce.read import SAME_PLACE, StatedPlates
 
-__all__ = ["Corners", "PlateFields", "fields_of_plates", "unit"]
+__all__ = ["Corners", "PlateFields", "fields_of_plates", "uneven_plates", "unit"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -42,9 +43,10 @@ class Corners(NamedTuple):
 
 
 class _Candidates(NamedTuple):
-    """Fields by node, normal, direction across the line and curvature, as in `PlateFields`."""
+    """Fields by node, origin, normal, direction across the line and curvature, as in `PlateFields`."""
 
     node: Indices
+    origin: Indices
     normal: Array
     across: Array
     curvature: Array
@@ -59,7 +61,9 @@ class PlateFields:
     corners : Corners
         Corners of all plates.
     node : (f,) int64
-        Nodes about which the fields vanish.
+        Nodes whose forces are compared.
+    origin : (f,) int64
+        Nodes about which the fields vanish: the same one, or a support beside it.
     normal : (f, 3) float64
         Normals of their planes.
     across : (f, 3) float64
@@ -76,6 +80,7 @@ class PlateFields:
 
     corners: Corners
     node: Indices
+    origin: Indices
     normal: Array
     across: Array
     curvature: Array
@@ -109,13 +114,21 @@ def fields_of_plates(body: FEModel, plates: StatedPlates, rows: Indices, judged:
     lost = np.any((plates.corners >= 0) & ~known[plates.corners], axis=1)
     flat, fold = _folds(plates, corners, len(nodes))
     judged = judged & complete & ~plates.touch(np.asarray(lost), len(nodes))
-    candidates = _candidates(nodes, plates, corners, judged, flat)
+    candidates = _candidates(nodes, plates, corners, judged, flat, complete)
     return _without_conflicts(candidates, nodes, plates, corners, complete, fold)
 
 
 def unit(v: Array) -> Array:
     """Vectors (..., 3) of length 1; zero stays zero."""
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), np.finfo(float).tiny))
+
+
+def uneven_plates(plates: StatedPlates, nodes: Nodes) -> Flags:
+    """True for quadrilaterals (e,) that are no parallelograms, for which some elements fail the patch test."""
+    x = nodes.xyz[plates.corners]
+    off = np.linalg.norm(x[:, 0] - x[:, 1] + x[:, 2] - x[:, 3], axis=1)
+    size = np.linalg.norm(x[:, 2] - x[:, 0], axis=1)
+    return np.asarray((plates.corners[:, 3] >= 0) & (off > SAME_PLACE * size))
 
 
 def _corners(plates: StatedPlates, count: int) -> Corners:
@@ -177,13 +190,10 @@ def _folds(plates: StatedPlates, corners: Corners, count: int) -> tuple[Flags, A
     return flat, axis
 
 
-def _candidates(nodes: Nodes, plates: StatedPlates, corners: Corners, judged: Flags, flat: Flags) -> _Candidates:
+def _candidates(
+    nodes: Nodes, plates: StatedPlates, corners: Corners, judged: Flags, flat: Flags, complete: Flags
+) -> _Candidates:
     """Fields of all plates at a node in one plane, and of one side of each edge at a node."""
-    at = np.flatnonzero(judged & flat)
-    axes = plates.axes[corners.plate[corners.start[at]]]
-    x, y = axes[:, 0], axes[:, 1]
-    mixed = _outer(x, y)
-    whole = np.concatenate([_outer(x, x), _outer(y, y), mixed + mixed.transpose(0, 2, 1)])
     own = np.flatnonzero(judged[corners.node] & plates.flat[corners.plate])
     node, n = corners.node[own], plates.axes[corners.plate[own], 2]
     # The plate is on the left of the edge to the next corner, and on the right of that to the one before.
@@ -192,21 +202,50 @@ def _candidates(nodes: Nodes, plates: StatedPlates, corners: Corners, judged: Fl
     place[own] = np.arange(own.size)
     mine, other = _beside(corners, node)
     mine, other = mine[place[other] >= 0], place[other[place[other] >= 0]]
-    same = np.linalg.norm(n[mine] - n[other], axis=1) <= _PARALLEL
+    some = np.flatnonzero(_same(n[mine], n[other]))
+    mine, other = mine[some], other[some]
     keep_left, keep_right = (np.ones(own.size, dtype=bool) for _ in range(2))
     # Where the line goes on, the plate on its other end has the same field.
-    straight = np.linalg.norm(left[other] + right[mine], axis=1) <= _PARALLEL
-    keep_right[mine[straight & same]] = False
-    # In one plane the fields of all plates have the other side of the line.
-    straight = np.linalg.norm(left[other] + left[mine], axis=1) <= _PARALLEL
-    keep_left[mine[straight & same & (other < mine) & flat[node[mine]]]] = False
-    across = np.concatenate([np.cross(n, left)[keep_left], -np.cross(n, right)[keep_right]])
+    keep_right[mine[_same(left[other], -right[mine])]] = False
+    # In one plane, one side of the line is enough beside the others.
+    on = _same(left[other], -left[mine])
+    keep_left[mine[on & (other < mine) & flat[node[mine]]]] = False
+    across = np.concatenate([np.cross(n[keep_left], left[keep_left]), np.cross(right[keep_right], n[keep_right])])
+    # Two lines show all plates of even shapes.
+    crossed = np.bincount(node[mine[on]], minlength=len(nodes)) >= 4
+    crossed &= ~plates.touch(uneven_plates(plates, nodes), len(nodes))
+    at = np.flatnonzero(judged & flat & ~crossed)
+    first, second = _supports(plates, corners, at, complete)
+    axes = plates.axes[corners.plate[corners.start[at]]]
+    # Of two supports beside a node, the field vanishes on the line through both.
+    line = nodes.xyz[second] - nodes.xyz[first]
+    x = np.where(first[:, None] == second[:, None], axes[:, 0], unit(np.cross(line, axes[:, 2])))
+    y = np.cross(axes[:, 2], x)
+    mixed = _outer(x, y)
     return _Candidates(
         np.concatenate([np.tile(at, 3), node[keep_left], node[keep_right]]),
+        np.concatenate([np.tile(first, 3), node[keep_left], node[keep_right]]),
         np.concatenate([np.tile(axes[:, 2], (3, 1)), n[keep_left], n[keep_right]]),
         np.concatenate([np.zeros((3 * at.size, 3)), across]),
-        np.concatenate([whole, _outer(across, across)]),
+        np.concatenate([_outer(x, x), _outer(y, y), mixed + mixed.transpose(0, 2, 1), _outer(across, across)]),
     )
+
+
+def _same(a: Array, b: Array) -> Flags:
+    """True for directions (k, 3) that are the same."""
+    off = a - b
+    return np.asarray(np.einsum("ki,ki->k", off, off) <= _PARALLEL**2)
+
+
+def _supports(plates: StatedPlates, corners: Corners, at: Indices, complete: Flags) -> tuple[Indices, Indices]:
+    """First and last of the nodes without rows on the plates at each node; the node itself where there is none."""
+    mine, corner = _beside(corners, at)
+    beside = plates.corners[corners.plate[corner]]
+    held = (beside >= 0) & ~complete[beside]
+    first, last = np.full(at.size, len(complete)), np.full(at.size, -1)
+    np.minimum.at(first, mine, np.where(held, beside, len(complete)).min(axis=1, initial=len(complete)))
+    np.maximum.at(last, mine, np.where(held, beside, -1).max(axis=1, initial=-1))
+    return np.where(last < 0, at, first), np.where(last < 0, at, last)
 
 
 def _outer(a: Array, b: Array) -> Array:
@@ -225,35 +264,42 @@ def _without_conflicts(
     inside: Flags = np.asarray(at >= 0)
     ahead: Flags = np.asarray(inside & (reach > small[:, None]))
     back = np.any(inside & (reach < -small[:, None]), axis=1)
-    plane = np.linalg.norm(np.cross(fields.normal[of], plates.axes[plate, 2]), axis=1) <= _PARALLEL
+    n = plates.axes[plate, 2]
+    plane = _same(fields.normal[of], n) | _same(fields.normal[of], -n)
     moving: Flags = ~half | (plane & plates.flat[plate] & np.any(ahead, axis=1) & ~back)
     keys = of[:, None] * len(nodes) + at
-    driven = np.unique(keys[moving][inside[moving] & (ahead[moving] | ~half[moving, None])])
+    driven = np.sort(keys[moving[:, None] & inside & (ahead | ~half[:, None])], kind="stable")
+    driven = driven[np.diff(driven, prepend=-1) > 0]
     field, place = driven // len(nodes), driven % len(nodes)
-    away = place != fields.node[field]
+    x = nodes.xyz[place] - nodes.xyz[fields.origin[field]]
+    turn = np.cross(fields.normal[field], np.einsum("pij,pj->pi", fields.curvature[field], x))
+    size = np.linalg.norm(turn, axis=1)
+    moved = size > SAME_PLACE * np.linalg.norm(x, axis=1)
     bad = np.zeros(fields.node.size, dtype=bool)
     crossing = ~moving[:, None] & ahead
     bad[of[np.nonzero(crossing)[0][np.isin(keys[crossing], driven)]]] = True
-    bad[field[away & ~complete[place]]] = True
-    folded = np.flatnonzero(away & fold[place].any(axis=1))
-    field, place = field[folded], place[folded]
-    slope = np.einsum("pij,pj->pi", fields.curvature[field], nodes.xyz[place] - nodes.xyz[fields.node[field]])
-    turn = unit(np.cross(fields.normal[field], slope))
+    bad[field[moved & ~complete[place]]] = True
+    folded = np.flatnonzero(moved & fold[place].any(axis=1))
+    off = np.linalg.norm(np.cross(turn[folded], fold[place[folded]]), axis=1)
     # A comparison with nan is false.
-    bad[field[~(np.linalg.norm(np.cross(turn, fold[place]), axis=1) <= _PARALLEL)]] = True
+    bad[field[folded[~(off <= _PARALLEL * size[folded])]]] = True
     kept, number = np.flatnonzero(moving & ~bad[of]), np.cumsum(~bad) - 1
-    pairs, pair = np.unique(np.where(inside, keys, -1)[kept], return_inverse=True)
-    none = int(pairs.size > 0 and pairs[0] < 0)
-    pair, pairs = pair.reshape(kept.size, at.shape[1]) - none, pairs[none:]
+    keys = np.where(inside, keys, -1)[kept].ravel()
+    # Keys are nearly in order, which a stable sort uses.
+    order = np.argsort(keys, kind="stable")
+    new = np.diff(keys[order], prepend=-1) > 0
+    pair, pairs = np.empty(keys.size, dtype=np.int64), keys[order[new]]
+    pair[order] = np.cumsum(new) - 1
     return PlateFields(
         corners,
         fields.node[~bad],
+        fields.origin[~bad],
         fields.normal[~bad],
         fields.across[~bad],
         fields.curvature[~bad],
         number[of[kept]],
         corner[kept],
-        pair,
+        pair.reshape(kept.size, at.shape[1]),
         number[pairs // len(nodes)],
         pairs % len(nodes),
     )

@@ -144,7 +144,7 @@ def test_bending_of_one_panel_or_plate(tmp_path: Path, name: str, kind: str) -> 
         lambda e: 0.98 if made.property[e] == last else 1.0,
         lambda e: 2.0 if e == len(made.cells) // 2 else 1.0,
     )
-    for k, (change, ratio) in enumerate(zip(changes, ("4 times", "0.98 times", ""), strict=True)):
+    for k, change in enumerate(changes):
         folder = tmp_path / str(k)
         folder.mkdir()
         proof, failed = stiffness(folder, body(made, kind, change), cards(made))
@@ -152,7 +152,7 @@ def test_bending_of_one_panel_or_plate(tmp_path: Path, name: str, kind: str) -> 
         # The whole body keeps the energy of its strains.
         (check,) = (check for check in failed if "stiffness" in check.name)
         assert check.name == BY_NODE
-        assert ratio in check.note or "forces that the deck has not" in check.note, check.note
+        assert "times that of the deck" in check.note or "forces that the deck has not" in check.note
 
 
 def test_thickness_and_bending_ratio_of_the_deck(tmp_path: Path) -> None:
