@@ -138,10 +138,11 @@ def plate_body(
     kind: str = "mindlin",
     *,
     drilling: float = 1e-4,
+    per_area: float = 1.0,
 ) -> FEModel:
     """Body of plates between nodes from 1, each in its own plane, with the laminate of each cell.
 
-    ``drilling`` times the shear stiffness resists turns against the plate's own, as K6ROT does.
+    ``drilling`` times the shear stiffness resists turns against the plate's own, as K6ROT does. The mass is lumped.
     """
     x = np.array(xyz, dtype=float)
     n = 6 * len(x)
@@ -175,7 +176,7 @@ def plate_body(
             made += drilling * L[2, 2] * area / k * np.outer(spin.ravel(), spin.ravel())
         dofs = (6 * at[:, None] + np.arange(6)).ravel()
         K[np.ix_(dofs, dofs)] += made
-        M[dofs] += np.tile([1.0, 1, 1, 1e-4, 1e-4, 1e-4], k) * area / k
+        M[dofs] += np.tile([1.0, 1, 1, 1e-6, 1e-6, 1e-6], k) * per_area * area / k
     table = DofTable(np.repeat(np.arange(1, len(x) + 1), 6), np.tile(np.arange(1, 7), len(x)))
     return FEModel(
         name, sp.csc_array(K), sp.csc_array(sp.diags_array(M)), table, Nodes.in_basic(range(1, len(x) + 1), x)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.hard.corruptions.plated import plated
 from tests.hard.corruptions.rows import ROWS, Row
 from tests.hard.corruptions.study import Study, outcome
 
@@ -23,6 +24,7 @@ _SOME = (
     "dashpot to ground",
     "negative damping of one mode",
     "modal damping of 500 % for 5 %",
+    "bending of a panel of plates four times, deck",
     "soft spring to ground",
     "sensors missing",
     "limits missing",
@@ -34,6 +36,13 @@ _SOME = (
 
 def test_the_study_itself_passes(tmp_path: Path) -> None:
     found = outcome(Study(deck=True), tmp_path)
+    assert (found.code, found.line) == (0, "PASS")
+
+
+def test_the_study_passes_with_plates(tmp_path: Path) -> None:
+    study = Study(deck=False)
+    plated()(study)
+    found = outcome(study, tmp_path)
     assert (found.code, found.line) == (0, "PASS")
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from tests.frames import BAR, beam_matrices, frame, line
+from tests.hard.corruptions.plated import plated
 from tests.hard.corruptions.study import Study
 
 __all__ = ["ROWS", "Row"]
@@ -355,6 +356,11 @@ ROWS: tuple[Row, ...] = (
     Row("torsion constant of the bars eight times, deck", DECK, _other_section(J=8 * BAR.J), deck=True),
     Row("torsion constant of the bars eight times, grids alone", DECK, _other_section(J=8 * BAR.J), unseen=NO_DECK),
     Row("planes of bending exchanged, deck", DECK, _other_section(Iy=BAR.Iz, Iz=BAR.Iy), deck=True),
+    Row("bending of a panel of plates four times, deck", DECK, plated(bending=(1.0, 4.0))),
+    Row("thickness of two panels exchanged in bending, deck", DECK, plated(bending=(8.0, 1 / 8))),
+    Row("bending of one plate twice, deck", DECK, plated(alone=2.0)),
+    Row("12 I / t^3 of all plates 1.5 in the deck alone", DECK, plated(ratio="1.5")),
+    Row("materials of two panels exchanged, deck", DECK, plated(stretch=(1.5, 1 / 1.5), bending=(1.5, 1 / 1.5))),
     Row(
         "two nodes exchanged in a lumped M, deck",
         DECK,
