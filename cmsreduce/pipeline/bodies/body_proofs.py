@@ -178,7 +178,8 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
         remark = f"{sound}; agrees with the deck {', '.join(agree)}{rest if bent > seen else ''}"
         shown = "stretch" if negative == 0 and bent > seen else ""
         return checks, Proof("stiffness", state, digits, remark, only=shown)
-    why = "no deck states the materials of its rows" if stated is None else "no uniform strain leaves its supports"
+    counted = stated is not None and stated.nodes.size
+    why = "no uniform strain leaves its supports" if counted else "no deck states the materials of its rows"
     remark = f"{sound}; {why}: compare its frequencies"
     return [], Proof("stiffness", state, digits, remark, only="definiteness" if negative == 0 else "")
 

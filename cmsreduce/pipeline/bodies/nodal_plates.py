@@ -10,7 +10,6 @@ across (Kirchhoff). Any mean of both is accepted.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +19,9 @@ from scipy.sparse.csgraph import connected_components
 
 from cmsreduce.model import FEModel, Nodes
 from cmsreduce.pipeline.bodies.deck_agreement import EXACT, Differences
+from cmsreduce.pipeline.bodies.node_blocks import AT_ONCE, node_products, stiffness_by_node, sum_by_number
 from cmsreduce.pipeline.bodies.plate_fields import PlateFields, fields_of_plates, uneven_plates, unit
-from cmsreduce.read import StatedNodes, StatedPlates
+from cmsreduce.read import SAME_PLACE, StatedNodes, StatedPlates
 
 __all__ = ["of_plates"]
 
@@ -36,8 +36,6 @@ _BLIND = _SHARE = 0.1
 # Forces of alike plates around a node, relative to their parts, that are in balance; and the share of such nodes that
 # shows that an element passes the patch test.
 _BALANCED, _PASS = 1e-5, 0.5
-# Pairs of nodes whose entries are multiplied at once, so that they stay in the cache.
-_AT_ONCE = 20_000
 
 
 class _Edges(NamedTuple):
@@ -45,8 +43,8 @@ class _Edges(NamedTuple):
 
     Parameters
     ----------
-    force, moment : (p, 3) float64
-        Of the stretch; and of the moments about the edges, of bending.
+    force, coupled, moment : (p, 3) float64
+        Of the stretch; of bending in laminates that couple both; and of the moments about the edges, of bending.
     whole : (p,) float64
         Size of the moment, with half of the twist at each node.
     twist : (p, 2) float64
@@ -58,6 +56,7 @@ class _Edges(NamedTuple):
     """
 
     force: Array
+    coupled: Array
     moment: Array
     whole: Array
     twist: Array
@@ -116,8 +115,8 @@ def of_plates(body: FEModel, stated: StatedNodes, rows: Indices, judged: Flags) 
     fields = fields_of_plates(body, plates, rows, judged)
     edges = _edges(fields, plates, body.nodes)
     uneven = np.bincount(fields.field, uneven_plates(plates, body.nodes)[fields.plate], fields.count) > 0
-    bending, stretch = _forces(body, stated, rows, fields, edges)
-    parts = [(*_differences(each, fields, uneven), _ratios(each)) for each in (bending, stretch)]
+    forces = _forces(body, stated, rows, fields, edges)
+    parts = [(*_differences(each, fields, uneven), _ratios(each)) for each in forces]
     at, off, ratio = (
         np.concatenate(each)
         for each in zip(*((fields.node[sure], off[sure], ratio[sure]) for sure, off, ratio in parts), strict=True)
@@ -128,14 +127,19 @@ def of_plates(body: FEModel, stated: StatedNodes, rows: Indices, judged: Flags) 
     wrong = off > EXACT
     np.fmin.at(low, of[wrong], ratio[wrong])
     np.fmax.at(high, of[wrong], ratio[wrong])
-    return Differences(node, worst, low, high), _shown(fields, edges, bending, parts[0][0], len(plates.flat))
+    shown = _shown(fields, edges, forces[0], parts[0][0] & (parts[2][0] | (forces[2].terms == 0)), len(plates.flat))
+    # A membrane has no bending.
+    return Differences(node, worst, low, high), shown | (plates.flat & ~plates.laminate[:, 3:, 3:].any(axis=(1, 2)))
 
 
 def _forces(
     body: FEModel, stated: StatedNodes, rows: Indices, fields: PlateFields, edges: _Edges
-) -> tuple[_Forces, _Forces]:
-    """Force across, times a length, and moments in the plane by bending; forces in the plane by stretch."""
-    assert body.nodes is not None
+) -> tuple[_Forces, _Forces, _Forces]:
+    """Force across, times a length, and moments in the plane by bending; forces in the plane by stretch, by bending.
+
+    The last have no terms where no laminate couples both.
+    """
+    assert body.nodes is not None and stated.plates is not None
     n, own = fields.normal, fields.node[fields.of]
     x = body.nodes.xyz[fields.at] - body.nodes.xyz[fields.origin[fields.of]]
     slope = np.einsum("pij,pj->pi", fields.curvature[fields.of], x)
@@ -143,20 +147,20 @@ def _forces(
     motion[:, :3, 0] = n[fields.of] * (np.einsum("pi,pi->p", slope, x) / 2)[:, None]
     motion[:, 3:, 0] = -np.cross(n[fields.of], slope)
     motion[:, :3, 1] = slope
-    K, bars = _by_node(body, rows, np.unique(fields.node)), sp.bsr_array(stated.stiffness, blocksize=(6, 6))
-    force = _products(K, own, fields.at, motion) - _products(bars, own, fields.at, motion)
-    force = _sum(force, fields.of, fields.count)
-    beside = np.linalg.norm(
-        _sum(_products(abs(bars), own, fields.at, abs(motion)), fields.of, fields.count).reshape(-1, 2, 3, 2), axis=2
-    )
+    K, bars = stiffness_by_node(body, rows, np.unique(fields.node)), sp.bsr_array(stated.stiffness, blocksize=(6, 6))
+    force = node_products(K, own, fields.at, motion) - node_products(bars, own, fields.at, motion)
+    force = sum_by_number(force, fields.of, fields.count)
+    bent = sum_by_number(node_products(abs(bars), own, fields.at, abs(motion)), fields.of, fields.count)
+    beside = np.linalg.norm(bent.reshape(-1, 2, 3, 2), axis=2)
     length = np.zeros(fields.count)
     np.maximum.at(length, fields.of, np.linalg.norm(x, axis=1))
     # About a support beside the node, places are twice as far away.
     noise = _noise(K, body)[fields.node] * np.where(fields.origin == fields.node, 1.0, 4.0)[:, None, None]
     first = unit(np.cross(n, np.eye(3)[abs(n).argmin(axis=1)]))
     frame = np.stack([first, np.cross(n, first)], axis=1)
-    sure, pull = (
-        np.einsum("fai,fi->fa", frame, _sum(part, fields.field, fields.count)) for part in (edges.moment, edges.force)
+    sure, pull, coupled = (
+        np.einsum("fai,fi->fa", frame, sum_by_number(part, fields.field, fields.count))
+        for part in (edges.moment, edges.force, edges.coupled)
     )
     low, high = _twists(edges, fields, body.nodes, frame, length)
     sure = np.pad(sure, ((0, 0), (1, 0)))
@@ -169,9 +173,19 @@ def _forces(
         np.column_stack([noise[:, 0, 0] * length, noise[:, 1, 0], noise[:, 1, 0]]),
         beside[:, 0, 0] * length + beside[:, 1, 0] + np.bincount(fields.field, edges.whole, fields.count),
     )
-    size = np.bincount(fields.field, np.linalg.norm(edges.force, axis=1), fields.count)
+    sizes = np.linalg.norm(edges.force, axis=1)
     found = np.einsum("fai,fi->fa", frame, force[:, :3, 1])
-    return bending, _Forces(found, pull, pull, pull, noise[:, [0, 0], 1], beside[:, 0, 1] + size)
+    terms = beside[:, 0, 1] + np.bincount(fields.field, sizes, fields.count)
+    stretch = _Forces(found, pull, pull, pull, noise[:, [0, 0], 1], terms)
+    # A plate that is turned a little stretches by the displacement across the plane.
+    turned = np.linalg.norm(np.cross(n[fields.field], stated.plates.axes[fields.plate, 2]), axis=1) + 2 * SAME_PLACE
+    tilted = np.bincount(fields.field, sizes * turned, fields.count) * length
+    both = np.linalg.norm(edges.coupled, axis=1) + np.sqrt(sizes * edges.whole)
+    couples = np.bincount(fields.field, edges.coupled.any(axis=1), fields.count) > 0
+    terms = np.where(couples, beside[:, 0, 0] + np.bincount(fields.field, both, fields.count), 0.0)
+    found = np.einsum("fai,fi->fa", frame, force[:, :3, 0])
+    coupling = _Forces(found, coupled, coupled, coupled, noise[:, [0, 0], 0] + tilted[:, None], terms)
+    return bending, stretch, coupling
 
 
 def _differences(forces: _Forces, fields: PlateFields, uneven: Flags) -> tuple[Flags, Array]:
@@ -197,56 +211,6 @@ def _ratios(forces: _Forces) -> Array:
     return np.asarray(np.where(known, product / np.where(known, square, 1.0), np.nan))
 
 
-def _by_node(body: FEModel, rows: Indices, at: Indices) -> sp.bsr_array:
-    """Stiffness (6 N, 6 N) in blocks of two nodes along basic axes, of the rows of some nodes."""
-    assert body.nodes is not None
-    count = len(body.nodes)
-    wanted = np.zeros(count, dtype=bool)
-    wanted[at] = True
-    own = np.full(body.n, -1)
-    own[rows] = 6 * body.nodes.index(body.dofs.node[rows]) + body.dofs.component[rows] - 1
-    rows = rows[wanted[own[rows] // 6]]
-    rows = rows[np.argsort(own[rows], kind="stable")]
-    # K is symmetric: its columns are its rows.
-    K = body.K[:, rows]
-    to = own[K.indices]
-    if (to < 0).any():
-        K = sp.csc_array((np.where(to < 0, 0.0, K.data), K.indices, K.indptr), shape=K.shape)
-        to = np.maximum(to, 0)
-    counts = np.zeros(6 * count, dtype=np.int64)
-    counts[own[rows]] = np.diff(K.indptr)
-    start = np.concatenate([[0], np.cumsum(counts)])
-    found = sp.csr_array((K.data, to, start), shape=(6 * count, 6 * count)).tobsr((6, 6))
-    found.sort_indices()
-    F = body.nodes.frame
-    if (np.eye(3) != F).any():
-        row = np.repeat(np.arange(count), np.diff(found.indptr))
-        blocks = found.data.reshape(-1, 2, 3, 2, 3)
-        turned = np.einsum("bki,bpkql,blj->bpiqj", F[row], blocks, F[found.indices], optimize=True)
-        found = sp.bsr_array((turned.reshape(-1, 6, 6), found.indices, found.indptr), shape=found.shape)
-    return found
-
-
-def _products(A: sp.bsr_array, row: Indices, column: Indices, motion: Array) -> Array:
-    """Blocks of A for pairs of nodes (p,), each times a motion (p, 6, c)."""
-    found = np.zeros(motion.shape)
-    count = A.shape[0] // 6
-    keys = np.repeat(np.arange(count), np.diff(A.indptr)) * count + A.indices
-    wanted = row * count + column
-    at = np.minimum(np.searchsorted(keys, wanted), max(keys.size - 1, 0))
-    there = np.flatnonzero(keys[at] == wanted) if keys.size else np.zeros(0, dtype=np.int64)
-    for first in range(0, there.size, _AT_ONCE):
-        some = there[first : first + _AT_ONCE]
-        found[some] = A.data[at[some]] @ motion[some]
-    return found
-
-
-def _sum(values: Array, of: Indices, count: int) -> Array:
-    """Sums (count, ...) of values (p, ...) by their numbers."""
-    adding = sp.csr_array((np.ones(of.size), (of, np.arange(of.size))), shape=(count, of.size))
-    return np.asarray(adding @ values.reshape(of.size, math.prod(values.shape[1:]))).reshape(count, *values.shape[1:])
-
-
 def _noise(K: sp.bsr_array, body: FEModel) -> Array:
     """Forces and moments at each node (N, 2) by the digits of matrix and coordinates, of bending and stretch."""
     assert body.nodes is not None
@@ -259,10 +223,10 @@ def _noise(K: sp.bsr_array, body: FEModel) -> Array:
     error[:, :3, 0] = (digits * away**2 / 2 + places * away)[:, None]
     error[:, 3:, 0] = error[:, :3, 1] = (digits * away + places)[:, None]
     found = np.zeros((row.size, 6, 2))
-    for first in range(0, row.size, _AT_ONCE):
-        some = slice(first, first + _AT_ONCE)
+    for first in range(0, row.size, AT_ONCE):
+        some = slice(first, first + AT_ONCE)
         found[some] = abs(K.data[some]) @ error[some]
-    return np.asarray(np.linalg.norm(_sum(found, row, count).reshape(count, 2, 3, 2), axis=2))
+    return np.asarray(np.linalg.norm(sum_by_number(found, row, count).reshape(count, 2, 3, 2), axis=2))
 
 
 def _edges(fields: PlateFields, plates: StatedPlates, nodes: Nodes) -> _Edges:
@@ -276,7 +240,8 @@ def _edges(fields: PlateFields, plates: StatedPlates, nodes: Nodes) -> _Edges:
     laminate = plates.laminate[plate]
     bending = -side[:, None, None] * _tensor((laminate[:, 3:, 3:] @ strain)[:, :, 0])
     stretch = _tensor((laminate[:, :3, :3] @ strain)[:, :, 0])
-    force, moment, whole, twist = (np.zeros((of.size, 2)) for _ in range(4))
+    coupled = -side[:, None, None] * _tensor((laminate[:, :3, 3:] @ strain)[:, :, 0])
+    force, pull, moment, whole, twist = (np.zeros((of.size, 2)) for _ in range(5))
     ends = np.stack([corners.after[fields.corner], corners.before[fields.corner]], axis=1)
     for number, turned in enumerate((1.0, -1.0)):
         # Along the edge away from the node, and out of the plate.
@@ -288,10 +253,12 @@ def _edges(fields: PlateFields, plates: StatedPlates, nodes: Nodes) -> _Edges:
         moment += np.einsum("pa,pa->p", M, nu)[:, None] * nu * length / 2
         whole += M * length / 2
         force += np.einsum("pab,pb->pa", stretch, nu) * length / 2
+        pull += np.einsum("pab,pb->pa", coupled, nu) * length / 2
         twist[:, number] = side * np.einsum("pa,pa->p", M, t)
     same = (fields.at[fields.pair][:, None] == ends[:, :, None]) & (fields.pair[:, None] >= 0)
     return _Edges(
         np.einsum("pa,pai->pi", force, plane),
+        np.einsum("pa,pai->pi", pull, plane),
         np.cross(n, np.einsum("pa,pai->pi", moment, plane)),
         np.linalg.norm(whole, axis=1),
         twist,
@@ -320,7 +287,9 @@ def _twists(edges: _Edges, fields: PlateFields, nodes: Nodes, frame: Array, leng
     turn = np.einsum("pai,pi->pa", frame[fields.of], np.cross(fields.normal[fields.of], t)) / 2
     arms = np.concatenate([length[fields.of, None], turn], axis=1)
     ends = np.stack([low[:, None] * arms, high[:, None] * arms])
-    return _sum(ends.min(axis=0), fields.of, fields.count), _sum(ends.max(axis=0), fields.of, fields.count)
+    return sum_by_number(ends.min(axis=0), fields.of, fields.count), sum_by_number(
+        ends.max(axis=0), fields.of, fields.count
+    )
 
 
 def _shown(fields: PlateFields, edges: _Edges, bending: _Forces, sure: Flags, count: int) -> Flags:

@@ -22,6 +22,8 @@ from cmsreduce.read.nastran.deck_sections import SHAPED, Section, sections_of
 from cmsreduce.read.stated import NotCountedError
 
 __all__ = [
+    "LAYERED",
+    "PLATES",
     "UNCOUNTED",
     "Bar",
     "Elements",
@@ -30,6 +32,7 @@ __all__ = [
     "isotropic",
     "lame_of",
     "node_index",
+    "properties_of",
     "stated_elements",
 ]
 
@@ -37,24 +40,30 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 UNCOUNTED = (
-    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
-    *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "MAT2", "MAT8", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT"),
+    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMPG"),
+    *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT"),
     *("BAROR", "BEAMOR", "DMIG"),
 )
 """Cards of mass and stiffness that nothing here counts."""
 
+LAYERED = ("PCOMP", "MAT2", "MAT8")
+"""Cards of plates that are counted at nodes alone."""
+
 _BARS = {"CBAR": "PBAR", "CBEAM": "PBEAM", "CROD": "PROD", "CONROD": ""}
-_PLATES, _SOLIDS = {"CTRIA3": 3, "CQUAD4": 4}, {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+_SOLIDS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+PLATES = {"CTRIA3": 3, "CQUAD4": 4}
+"""Plates and the number of their corners."""
+
 _CARDS = (
-    *(*_BARS, "PBAR", "PBEAM", "PROD", *SHAPED, *_PLATES, *_SOLIDS, "PSHELL", "PSOLID", "MAT1", "PARAM"),
+    *(*_BARS, "PBAR", "PBEAM", "PROD", *SHAPED, *PLATES, *_SOLIDS, "PSHELL", "PSOLID", "MAT1", "PARAM"),
     # Cards of mass alone, then of stiffness alone.
     *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1"),
     *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
-    *("GENEL", "PELAS", "MATT1", *UNCOUNTED),
+    *("GENEL", "PELAS", "MATT1", "MATT2", "MATT8", *LAYERED, *UNCOUNTED),
 )
 _CONSTRAINTS = ("MPC", "RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RROD", "RTRPLT", "RSPLINE", "RSSCON", "RJOINT")
 # A listing echoes the cards behind their count. A pattern that begins with one character is searched for quickly.
-_STATED = re.compile(rb"\n(?: +\d+- {8})?(?:CONM[12]|MAT1)\b", re.IGNORECASE)
+_STATED = re.compile(rb"\n(?: +\d+- {8})?(?:CONM[12]|MAT[128])\b", re.IGNORECASE)
 # A static subcase whose stress stiffens the modes; the end of a case control; loads of such a subcase.
 _STATIC = re.compile(rb"\n *STATSUB\b", re.IGNORECASE)
 _CONTROL = re.compile(rb"\n *CEND\b", re.IGNORECASE)
@@ -262,14 +271,14 @@ def _bars_of(cards: Cards, nodes: Nodes) -> Iterator[Bar]:
 
 def _plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
     made = {card.integer(0): card for card in cards.get("PSHELL", ())}
-    for name, count in _PLATES.items():
+    for name, count in PLATES.items():
         found = cards.get(name, NO_CARDS)
         # After the corners: an angle of the material, then the element's own offset and thicknesses.
         if any(found.reals(k).any() for k in range(3 + count, found.width)):
             raise NotCountedError
         if len(found):
             ids = np.stack([found.integers(2 + k) for k in range(count)], axis=1)
-            yield _faces(ids, np.zeros((len(ids), 0), dtype=np.int64), _properties(found, made), made, nodes)
+            yield _faces(ids, np.zeros((len(ids), 0), dtype=np.int64), properties_of(found, made), made, nodes)
 
 
 def _solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
@@ -279,7 +288,7 @@ def _solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
         found = cards.get(name, NO_CARDS)
         if not len(found):
             continue
-        properties = _properties(found, made)
+        properties = properties_of(found, made)
         ids = np.stack([found.integers(2 + k) for k in range(count)], axis=1)
         rest = range(2 + count, max(found.width, 3 + count))
         written = ~np.stack([found.blank(k) for k in rest], axis=1)
@@ -293,8 +302,14 @@ def _solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
                 yield _faces(ids[at], more[at][written[at]].reshape(at.size, between), properties[at], made, nodes)
 
 
-def _properties(found: CardTable, made: Mapping[int, Card]) -> Indices:
-    """Position of the property of each element (e,); a blank one has the number of the element."""
+def properties_of(found: CardTable, made: Mapping[int, Card]) -> Indices:
+    """Position of the property of each element (e,); a blank one has the number of the element.
+
+    Raises
+    ------
+    NotCountedError
+        If a property is missing.
+    """
     numbers = found.integers(1, 0)
     own = found.blank(1)
     if own.any():

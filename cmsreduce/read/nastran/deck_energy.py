@@ -16,6 +16,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import Card, Cards
 from cmsreduce.read.nastran.deck_elements import (
+    LAYERED,
     UNCOUNTED,
     Bar,
     Elements,
@@ -43,7 +44,7 @@ __all__ = ["deck_energy", "deck_statement"]
 
 Array = NDArray[np.float64]
 # Cards whose stiffness is not counted: only a lower bound is known.
-_OTHERS = (*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL")
+_OTHERS = (*UNCOUNTED, *LAYERED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL")
 # Springs between points at one place take no energy from a uniform strain.
 _SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
 _EDGES = {
@@ -81,7 +82,7 @@ def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEne
 
     ``moving`` (N,) is True for the nodes that have rows; elements on others are left out.
     """
-    if elements is None or not elements.materials:
+    if elements is None or not any(elements.cards.get(name) for name in ("MAT1", *LAYERED)):
         return None
     cards = elements.cards
     parts: list[EnergyPart] = []
@@ -96,8 +97,13 @@ def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEne
         parts += of_these
         if lost:
             without.append(f"{lost} {', '.join(name for name in names if cards.get(name))} on points without rows")
-    stated = sum_of_energies(parts, without)
-    return None if stated is None else stated._replace(at_nodes=nodes_of(elements, moving))
+    stated, at_nodes = sum_of_energies(parts, without), nodes_of(elements, moving)
+    if at_nodes is None or at_nodes.plates is None:
+        return None if stated is None else stated._replace(at_nodes=at_nodes)
+    # Plates that are not counted in the sum bend, too.
+    corners, none = at_nodes.plates.corners, np.zeros(0, dtype=np.int64)
+    stated = stated or StatedEnergy(np.zeros((6, 6)), np.zeros((6, 6)), None, none, none, tuple(without))
+    return stated._replace(at_nodes=at_nodes, turning=np.union1d(stated.turning, corners[corners >= 0]))
 
 
 def deck_statement(

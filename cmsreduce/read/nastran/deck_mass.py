@@ -13,6 +13,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.nastran.deck_elements import (
+    LAYERED,
     UNCOUNTED,
     Elements,
     Faces,
@@ -28,7 +29,7 @@ __all__ = ["deck_mass", "grid_masses", "mass_of", "solid_volumes"]
 Array = NDArray[np.float64]
 
 # The mass of a deck that has any of these is unknown.
-_OTHERS = (*UNCOUNTED, "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1")
+_OTHERS = (*UNCOUNTED, *LAYERED, "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1")
 # Of the size of an element: corners printed with five digits.
 _EVEN = 1e-4
 # Of the size of an element: what the edges of a parallelepiped differ by. The error of two points is its square.

@@ -23,7 +23,21 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Cards whose nodes are not read here, or whose stiffness depends on the temperature.
-_OTHERS = (*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL", "MATT1")
+_OTHERS = (
+    *UNCOUNTED,
+    "CELAS3",
+    "CELAS4",
+    "CBUSH1D",
+    "CBUSH2D",
+    "CGAP",
+    "CWELD",
+    "CFAST",
+    "CSEAM",
+    "GENEL",
+    "MATT1",
+    "MATT2",
+    "MATT8",
+)
 # Fields of two nodes, each with the field of its component if that is one.
 _SPRINGS = {"CELAS1": ((2, 3), (4, 5)), "CELAS2": ((2, 3), (4, 5))}
 _BUSH = (2, 3)
@@ -59,9 +73,8 @@ def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNode
         stiffness, plates = _stiffness(exact, springs, elements), stated_plates(elements)
     except (ReadError, NotCountedError, MatrixError):
         return None
-    own = [bar.nodes for bar in bars] + [
-        np.hstack([each.nodes, each.between]).ravel() for each in (*elements.plates, *solids)
-    ]
+    own = [bar.nodes for bar in bars] + [np.hstack([each.nodes, each.between]).ravel() for each in solids]
+    own += [] if plates is None else [plates.corners[plates.corners >= 0]]
     if own and not moving[np.concatenate(own)].all():
         return None
     known = _joined([bar.nodes for bar in exact] + [at // 6 for _, at in springs])

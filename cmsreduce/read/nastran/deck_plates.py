@@ -5,49 +5,144 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.read.nastran.cards import Card
-from cmsreduce.read.nastran.deck_elements import Elements, Material, isotropic
+from cmsreduce.read.nastran.cards import INTEGER, NO_CARDS, Card, CardTable
+from cmsreduce.read.nastran.deck_elements import PLATES, Elements, isotropic, properties_of
 from cmsreduce.read.stated import NotCountedError, StatedPlates
 from cmsreduce.read.stated_nodes import flat_plates
 
 __all__ = ["stated_plates"]
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_FIRST_PLY, _PLY = 8, 4
+# Kinds of laminates whose plies all are written, or half of them.
+_WHOLE, _HALF = "", "SYM"
 
 
 def stated_plates(elements: Elements) -> StatedPlates | None:
     """Plates of a deck with the stiffness of each; None without plates.
 
+    A plate with a thickness at each corner, or a property that is not read here, is not flat.
+
     Raises
     ------
     NotCountedError
-        If the stiffness of a plate is not that of isotropic materials.
+        If a plate has no property or is on an unknown grid.
     """
-    parts, kinds = [], 0
-    for faces in elements.plates:
-        used, of = np.unique(faces.property, return_inverse=True)
-        laminates = np.array([_shell(faces.cards[k], elements.materials) for k in used]).reshape(-1, 6, 6)
-        parts.append(flat_plates(faces.nodes, elements.nodes.xyz, laminates[of], kinds + of))
-        kinds += used.size
-    if not parts:
+    made = {card.integer(0): card for name in ("PSHELL", "PCOMP") for card in elements.cards.get(name, ())}
+    cards, parts, kinds = list(made.values()), [], 0
+    for name, count in PLATES.items():
+        found = elements.cards.get(name, NO_CARDS)
+        if not len(found):
+            continue
+        corners = elements.nodes.index(np.stack([found.integers(2 + k) for k in range(count)], axis=1).ravel())
+        if (corners < 0).any():
+            raise NotCountedError
+        angle, known = _angles(found, 2 + count)
+        offset = found.reals(3 + count)
+        # A flag of the thicknesses stands before them.
+        own = np.any([found.reals(k) != 0 for k in range(4 + count, max(found.width, 5 + count))], axis=0)
+        kind = np.stack([properties_of(found, made), angle, offset], axis=1)
+        used, of = np.unique(kind, axis=0, return_inverse=True)
+        laminates = [_laminate(cards[int(k)], elements, turn, away) for k, turn, away in used]
+        unknown = np.array([each is None for each in laminates])
+        filled = np.array([np.zeros((6, 6)) if each is None else each for each in laminates])
+        plates = flat_plates(corners.reshape(-1, count), elements.nodes.xyz, filled[of], kinds + of)
+        # An angle from the axes of a frame turns isotropic materials into themselves.
+        turned = ~known & ~_turns_into_itself(filled)[of]
+        parts.append(plates._replace(flat=plates.flat & ~unknown[of] & ~turned & ~own))
+        kinds += len(used)
+    return StatedPlates(*(np.concatenate(each) for each in zip(*parts, strict=True))) if parts else None
+
+
+def _angles(found: CardTable, field: int) -> tuple[Array, NDArray[np.bool_]]:
+    """Angle of the material about the first edge, in radians, and whether it is one: an integer names a frame."""
+    texts, which = found.texts(field)
+    frames = np.array([bool(INTEGER.match(text)) for text in texts])[which]
+    return np.where(frames, 0.0, np.radians(found.reals(field))), ~frames
+
+
+def _laminate(card: Card, elements: Elements, angle: float, offset: float) -> Array | None:
+    """Laminate (6, 6) about the first edge and the plane of the nodes; None if it is not read here."""
+    try:
+        own = _shell(card, elements) if card.name == "PSHELL" else _layers(card, elements)
+    except NotCountedError:
         return None
-    return StatedPlates(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+    R = np.kron(np.eye(2), _turned(angle))
+    A, B, D = own[:3, :3], own[:3, 3:], own[3:, 3:]
+    # Strains in the middle are those of the nodes, and so much of the curvature.
+    B, D = B + offset * A, D + 2 * offset * B + offset**2 * A
+    return np.asarray(R.T @ np.block([[A, B], [B, D]]) @ R)
 
 
-def _shell(card: Card, materials: dict[int, Material]) -> Array:
-    """Laminate (6, 6) of a PSHELL; its shear across turns no edge of a plate of constant curvature."""
+def _turned(angle: float) -> Array:
+    """Strains xx, yy and the angle xy along axes turned by an angle, from those before."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
+
+
+def _turns_into_itself(laminates: Array) -> NDArray[np.bool_]:
+    """True for laminates (k, 6, 6) that are the same about every axis."""
+    R = np.kron(np.eye(2), _turned(0.7))
+    off = abs(R.T @ laminates @ R - laminates).max(axis=(1, 2))
+    return np.asarray(off <= 1e-9 * abs(laminates).max(axis=(1, 2)))
+
+
+def _shell(card: Card, elements: Elements) -> Array:
+    """A PSHELL; its shear across changes no force of a plate of constant curvature."""
     if card.integer(1, 0) < 0 or card.integer(3, 0) < 0 or card.text(10):
         raise NotCountedError
-    thick = card.real(2)
-    found = np.zeros((6, 6))
+    thick, found = card.real(2), np.zeros((6, 6))
     for first, k, share in ((0, 1, thick), (3, 3, card.real(4, 1.0) * thick**3 / 12)):
         if card.text(k):
-            found[first : first + 3, first : first + 3] = share * _plane(isotropic(card.integer(k), materials))
+            found[first : first + 3, first : first + 3] = share * _plane(card.integer(k), elements)
     return found
 
 
-def _plane(material: Material) -> Array:
-    """Plane stress: stresses by strains xx, yy and the angle xy."""
-    found = material.E / (1 - material.nu**2) * np.array([[1, material.nu, 0], [material.nu, 1, 0], [0, 0, 0]])
-    found[2, 2] = material.G
+def _layers(card: Card, elements: Elements) -> Array:
+    """A PCOMP, from its bottom; a blank material or thickness is that of the ply before."""
+    kind = card.text(7).upper()
+    if kind not in (_WHOLE, _HALF):
+        raise NotCountedError
+    plies: list[tuple[int, float, float]] = []
+    for k in range(_FIRST_PLY, len(card.fields), _PLY):
+        if not any(card.text(k + j) for j in range(_PLY)):
+            continue
+        last = plies[-1] if plies else (0, 0.0, 0.0)
+        plies.append((card.integer(k, last[0]), card.real(k + 1, last[1]), np.radians(card.real(k + 2))))
+    if kind == _HALF:
+        plies += plies[::-1]
+    total = sum(t for _, t, _ in plies)
+    z, found = card.real(1, -total / 2), np.zeros((6, 6))
+    for number, t, turn in plies:
+        Q = _turned(turn).T @ _plane(number, elements) @ _turned(turn)
+        powers = [((z + t) ** k - z**k) / k for k in (1, 2, 3)]
+        found += np.block([[powers[0] * Q, powers[1] * Q], [powers[1] * Q, powers[2] * Q]])
+        z += t
+    return found
+
+
+def _plane(number: int, elements: Elements) -> Array:
+    """Plane stress of a MAT1, MAT2 or MAT8: stresses by strains xx, yy and the angle xy.
+
+    Raises
+    ------
+    NotCountedError
+        If there is no such material, or it has no stiffness.
+    """
+    for card in elements.cards.get("MAT2", ()):
+        if card.integer(0) == number:
+            a, b, c, d, e, f = (card.real(k) for k in range(1, 7))
+            return np.array([[a, b, c], [b, d, e], [c, e, f]])
+    for card in elements.cards.get("MAT8", ()):
+        if card.integer(0) == number:
+            E1, E2, nu, G = (card.real(k) for k in range(1, 5))
+            if not (E1 > 0 and E2 > 0 and nu**2 * E2 < E1):
+                raise NotCountedError
+            along = E1 / (1 - nu**2 * E2 / E1)
+            return np.array([[along, nu * along * E2 / E1, 0], [nu * along * E2 / E1, along * E2 / E1, 0], [0, 0, G]])
+    made = isotropic(number, elements.materials)
+    found = made.E / (1 - made.nu**2) * np.array([[1, made.nu, 0], [made.nu, 1, 0], [0, 0, 0]])
+    found[2, 2] = made.G
     return found
