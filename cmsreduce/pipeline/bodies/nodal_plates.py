@@ -165,21 +165,21 @@ def _forces(
     low, high = _twists(edges, fields, body.nodes, frame, length)
     sure = np.pad(sure, ((0, 0), (1, 0)))
     across = np.einsum("fi,fi->f", n, force[:, :3, 0]) * length
+    # A plate that is turned a little stretches by the displacement across the plane.
+    sizes = np.linalg.norm(edges.force, axis=1)
+    turned = np.linalg.norm(np.cross(n[fields.field], stated.plates.axes[fields.plate, 2]), axis=1) + 2 * SAME_PLACE
+    tilted, twice = (np.bincount(fields.field, sizes * turned**k, fields.count) * length**k for k in (1, 2))
     bending = _Forces(
         np.column_stack([across, np.einsum("fai,fi->fa", frame, force[:, 3:, 0])]),
         sure,
         sure + low,
         sure + high,
-        np.column_stack([noise[:, 0, 0] * length, noise[:, 1, 0], noise[:, 1, 0]]),
+        np.column_stack([noise[:, 0, 0] * length, noise[:, 1, 0], noise[:, 1, 0]]) + twice[:, None],
         beside[:, 0, 0] * length + beside[:, 1, 0] + np.bincount(fields.field, edges.whole, fields.count),
     )
-    sizes = np.linalg.norm(edges.force, axis=1)
     found = np.einsum("fai,fi->fa", frame, force[:, :3, 1])
     terms = beside[:, 0, 1] + np.bincount(fields.field, sizes, fields.count)
     stretch = _Forces(found, pull, pull, pull, noise[:, [0, 0], 1], terms)
-    # A plate that is turned a little stretches by the displacement across the plane.
-    turned = np.linalg.norm(np.cross(n[fields.field], stated.plates.axes[fields.plate, 2]), axis=1) + 2 * SAME_PLACE
-    tilted = np.bincount(fields.field, sizes * turned, fields.count) * length
     both = np.linalg.norm(edges.coupled, axis=1) + np.sqrt(sizes * edges.whole)
     couples = np.bincount(fields.field, edges.coupled.any(axis=1), fields.count) > 0
     terms = np.where(couples, beside[:, 0, 0] + np.bincount(fields.field, both, fields.count), 0.0)

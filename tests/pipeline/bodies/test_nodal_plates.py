@@ -188,6 +188,20 @@ def test_bending_of_curved_panels_is_not_compared(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_panels_that_are_nearly_flat(tmp_path: Path, kind: str) -> None:
+    """Plates a thousand times wider than thick stretch by a turn of 1e-4."""
+    made = dome()
+    made = replace(made, xyz=made.xyz * [1, 1, 3e-4])
+    thin = dict.fromkeys(THICK, 2e-4)
+    sound = plate_body("part", made.xyz, made.cells, lambda e: isotropic_laminate(E, NU, 2e-4), kind)
+    path = write_deck_body(tmp_path, sound, cards(made, thick=thin)).parent / "deck.bdf"
+    energy = statement_of(path, sound)[1]
+    assert energy is not None and energy.at_nodes is not None
+    found = nodes_against_deck(sound, energy.at_nodes)
+    assert found is not None and found.check.passed and found.compared == len(made.xyz), found
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_nodes_without_rows_for_turns_about_the_normal(tmp_path: Path, kind: str) -> None:
     made = plane()
     free = body(made, kind, drilling=0.0)
