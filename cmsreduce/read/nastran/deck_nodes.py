@@ -24,19 +24,8 @@ Indices = NDArray[np.int64]
 
 # Cards whose nodes are not read here, or whose stiffness depends on the temperature.
 _OTHERS = (
-    *UNCOUNTED,
-    "CELAS3",
-    "CELAS4",
-    "CBUSH1D",
-    "CBUSH2D",
-    "CGAP",
-    "CWELD",
-    "CFAST",
-    "CSEAM",
-    "GENEL",
-    "MATT1",
-    "MATT2",
-    "MATT8",
+    *(*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL"),
+    *("MATT1", "MATT2", "MATT8"),
 )
 # Fields of two nodes, each with the field of its component if that is one.
 _SPRINGS = {"CELAS1": ((2, 3), (4, 5)), "CELAS2": ((2, 3), (4, 5))}
@@ -59,8 +48,8 @@ def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNode
     Returns
     -------
     StatedNodes or None
-        None if some elements are at unknown nodes, or on nodes without rows, which give their stiffness to others; or
-        if the matrix may have a stiffness by prestress.
+        None if some elements are at unknown nodes, or if the matrix may have a stiffness by prestress. Nodes beside
+        those without rows are not known.
     """
     if elements is None or elements.prestressed or any(elements.cards.get(name) for name in _OTHERS):
         return None
@@ -73,10 +62,12 @@ def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNode
         stiffness, plates = _stiffness(exact, springs, elements), stated_plates(elements)
     except (ReadError, NotCountedError, MatrixError):
         return None
-    own = [bar.nodes for bar in bars] + [np.hstack([each.nodes, each.between]).ravel() for each in solids]
-    own += [] if plates is None else [plates.corners[plates.corners >= 0]]
-    if own and not moving[np.concatenate(own)].all():
-        return None
+    shapes = [np.hstack([each.nodes, each.between]) for each in solids]
+    shapes += [np.array([bar.nodes for bar in bars], dtype=np.int64).reshape(-1, 2)]
+    if plates is not None:
+        shapes.append(np.where(plates.corners < 0, plates.corners[:, :1], plates.corners))
+    # An element on a node without rows gives its stiffness to others.
+    beside += [each[~moving[each].all(axis=1)].ravel() for each in shapes]
     known = _joined([bar.nodes for bar in exact] + [at // 6 for _, at in springs])
     loose = [bar.nodes for bar in bars if not _is_exact(bar, elements)]
     unknown = [*loose, *unlike, *beside, _followed(elements)]

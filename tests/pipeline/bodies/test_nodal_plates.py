@@ -12,7 +12,7 @@ import pytest
 import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
-from cmsreduce.model import FEModel, Nodes
+from cmsreduce.model import FEModel, Nodes, cross_matrix
 from cmsreduce.pipeline.bodies.deck_agreement import statement_of
 from cmsreduce.pipeline.bodies.nodal_stiffness import nodes_against_deck
 from tests.frames import BAR, beam_matrices
@@ -282,3 +282,38 @@ def test_displacement_frames(tmp_path: Path, kind: str) -> None:
         found = nodes_against_deck(placed, energy.at_nodes)
         assert found is not None and found.check.passed == passed
         assert found.compared == len(made.xyz) and found.bending.all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_nodes_without_rows_make_those_beside_them_unknown(tmp_path: Path, kind: str) -> None:
+    """Two nodes follow a third, or are condensed; panels away from them are compared."""
+    made = tapered_box()
+    lost = np.array([30, 31])
+    for change, passed in ((lambda e: 1.0, True), (lambda e: 1.0 + (made.property[e] == 3), False)):
+        free = body(made, kind, change)
+        out = np.isin(free.dofs.node, lost)
+        a, o = np.flatnonzero(~out), np.flatnonzero(out)
+        K = free.K.toarray()
+        T = np.zeros((free.n, a.size))
+        T[a, np.arange(a.size)] = 1.0
+        for how in ("condensed", "led"):
+            if how == "condensed":
+                T[o] = -np.linalg.solve(K[np.ix_(o, o)], K[np.ix_(o, a)])
+            else:
+                first = free.dofs[a].rows([1] * 6, range(1, 7))
+                T[o] = 0.0
+                for node in lost:
+                    arm = cross_matrix(made.xyz[node - 1] - made.xyz[0])
+                    rows = free.dofs.rows([node] * 6, range(1, 7))
+                    T[np.ix_(rows, first)] = np.block([[np.eye(3), -arm], [np.zeros((3, 3)), np.eye(3)]])
+            reduced = T.T @ K @ T
+            left = replace(
+                free, K=sp.csc_array((reduced + reduced.T) / 2), M=sp.eye_array(a.size, format="csc"), dofs=free.dofs[a]
+            )
+            led = [] if how == "condensed" else ["RBE2,900,1,123456,30,31"]
+            path = write_deck_body(tmp_path, free, [*cards(made), *led]).parent / "deck.bdf"
+            energy = statement_of(path, left)[1]
+            assert energy is not None and energy.at_nodes is not None
+            found = nodes_against_deck(left, energy.at_nodes)
+            assert found is not None and found.check.passed == passed, (how, found)
+            assert 20 < found.compared < found.nodes
