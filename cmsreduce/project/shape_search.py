@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 _STEPS = 40
 # Rounds before a number of shapes is given up; fewer where a few shapes were left out of a set that passes.
 _ROUNDS, _FEW_ROUNDS = 8, 4
-# Rounds without a better set after which the optimisation ends.
-_PATIENCE = 3
+# Rounds without a better set after which the optimisation ends; so far from the limits, unless it is thorough, one.
+_PATIENCE, _FAR = 3, 2.0
 # A given number of shapes is also reached from this many times as many, and in the end, with more patience, from more
 # after so many steps.
 _MORE, _MOST, _MOST_STEPS = 1.3, 1.4, 300
@@ -163,20 +163,40 @@ class ShapeSearch:
             best = other if other.passes else best
         return best
 
-    def _fewer(self, best: Settled) -> Settled:
-        """Leave out shapes as long as a set passes.
+    def reached(self, settled: Settled) -> Settled:
+        """Add directions until a set passes, each time twice as many, and leave out again what is not needed.
+
+        Notes
+        -----
+        Where a channel is all but silent, as beside a configuration whose symmetry uncouples it, no single direction
+        brings its decibels nearer to their limit.
+        """
+        found, failed, more = settled, settled.count, 1
+        while not found.passes and found.count < self._most:
+            found, failed = self.grown(found, more), found.count
+            more *= 2
+        return self._fewer(found, failed) if found.count > failed + 1 else found
+
+    def _fewer(self, best: Settled, failed: int = 0) -> Settled:
+        """Leave out shapes as long as a set passes; so many of them are known to fail.
 
         Notes
         -----
         Leave out the directions that the responses miss least, and optimise those that remain. First several directions
         at a time; where the optimisation fails, half as many. At the end each body in turn gives one of its shapes.
+        Unless the search is thorough, a number that failed once is not tried from other shapes.
         """
         step = max(1, best.count // 5)
         while best.passes and best.count > 1:
+            while step > 1 and best.count - step <= failed and not self._thorough:
+                step //= 2
+            if best.count - step <= failed and not self._thorough:
+                break
             tried = self._shrunk(best, step)
             if tried is not None:
                 best = tried
             elif step > 1:
+                failed = best.count - step
                 step //= 2
             else:
                 break
@@ -220,7 +240,8 @@ class ShapeSearch:
         best, since = Settled(dict(shapes), self.judge(shapes), self.steps), 0
         judged = best.judged
         for _ in range(rounds):
-            if judged.worst <= 1 or since > _PATIENCE:
+            patience = _PATIENCE if self._thorough or best.judged.worst <= _FAR else 1
+            if judged.worst <= 1 or since > patience:
                 break
             errors = np.maximum([judged.frf[:count], judged.db[:count]], np.finfo(float).tiny)
             if since or not afresh:

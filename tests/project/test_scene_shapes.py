@@ -16,6 +16,7 @@ from cmsreduce.project import (
     ResponseLimits,
     ResponseSample,
     SceneResponses,
+    Settled,
     ShapeSearch,
     energy_shapes,
     fit_shapes,
@@ -170,6 +171,70 @@ def test_shapes_are_never_more_than_the_modes_that_are_known_to_pass(monkeypatch
     search = ShapeSearch(scene, ResponseLimits(0.02, np.inf), judged_by(error))
     alone, found = search.smallest(), search.smallest(lambda: {"b": np.array(passing)})
     assert found.passes and found.count <= len(passing) < alone.count
+
+
+@pytest.mark.parametrize(("worst", "thorough", "fits"), [(3.0, True, 4), (3.0, False, 2), (1.5, False, 4)])
+def test_a_search_in_haste_gives_up_early_far_from_the_limits(monkeypatch, worst, thorough, fits):
+    scene, _ = one_body(18)
+    rounds = []
+    fitted = ShapeSearch._fitted
+    monkeypatch.setattr(ShapeSearch, "_fitted", lambda *args: rounds.append(args) or fitted(*args))
+    judged = Judged(np.array([worst]), np.zeros(1), worst)
+    search = ShapeSearch(scene, ResponseLimits(0.02, np.inf), lambda _: judged, thorough=thorough)
+    search.settled({"b": np.eye(10)[:, :3]}, 8)
+    assert len(rounds) == fits
+
+
+@pytest.mark.parametrize(("thorough", "tried"), [(True, [16, 18, 16, 17]), (False, [16, 18, 17])])
+def test_a_search_in_haste_tries_a_number_that_failed_no_second_time(monkeypatch, thorough, tried):
+    """Twenty shapes pass, and eighteen do."""
+    counts = []
+
+    def shrunk(_, best, step):
+        counts.append(best.count - step)
+        return settled(counts[-1]) if counts[-1] >= 18 else None
+
+    def settled(count):
+        return Settled({"b": np.eye(30)[:, :count]}, Judged(np.zeros(1), np.zeros(1), 0.5), 0)
+
+    monkeypatch.setattr(ShapeSearch, "_shrunk", shrunk)
+    search = ShapeSearch(one_body(18)[0], ResponseLimits(0.02, np.inf), lambda _: None, thorough=thorough)
+    assert search._fewer(settled(20)).count == 18 and counts == tried
+
+
+@pytest.mark.parametrize(
+    ("least", "grown", "left_out"),
+    [
+        (10, [], []),
+        (11, [11], []),
+        (12, [11, 13], [12]),
+        (14, [11, 13, 17], [14]),
+        (29, [11, 13, 17, 25, 30], [27, 29, 28]),
+    ],
+)
+def test_a_set_that_more_shapes_help_little_grows_faster_and_shrinks_again(monkeypatch, least, grown, left_out):
+    """Ten shapes fail in further configurations, and all of so many pass."""
+    counts: dict[str, list[int]] = {"grown": [], "shrunk": []}
+
+    def settled(count):
+        return Settled(
+            {"b": np.eye(30)[:, :count]}, Judged(np.zeros(1), np.zeros(1), 0.5 if count >= least else 5.0), 0
+        )
+
+    def changed(kind, sign):
+        def made(_, best, step):
+            counts[kind].append(min(best.count + sign * step, 30))
+            found = settled(counts[kind][-1])
+            return found if found.passes or sign > 0 else None
+
+        return made
+
+    monkeypatch.setattr(ShapeSearch, "grown", changed("grown", 1))
+    monkeypatch.setattr(ShapeSearch, "_shrunk", changed("shrunk", -1))
+    monkeypatch.setattr(ShapeSearch, "_most", 30)
+    search = ShapeSearch(one_body(18)[0], ResponseLimits(0.02, np.inf), lambda _: None, thorough=False)
+    found = search.reached(settled(10))
+    assert found.count == least and counts == {"grown": grown, "shrunk": left_out}
 
 
 @pytest.mark.parametrize(("left", "sought"), [(1.3, False), (1.1, True)])

@@ -263,9 +263,7 @@ class ResponseShapes:
                 self._held, self._largest_held, additions = 0, 0.0, additions + 1
                 self.chosen += worst
                 self._search = self._search.extended(self.sampled.responses(self.chosen))
-                found = self._search.settled(found.shapes, _ROUNDS, afresh=False)
-                while not found.passes and found.count < sum(c.elastic_count for c in self.bodies.values()):
-                    found = self._search.grown(found, 1)
+                found = self._search.reached(self._search.settled(found.shapes, _ROUNDS, afresh=False))
                 continue
             self._held += len(fresh)
             self._largest_held = max(self._largest_held, float(self._errors.over(errors).max(initial=0.0)))
