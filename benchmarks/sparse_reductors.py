@@ -208,8 +208,10 @@ def main(methods: list[str], cells: tuple[int, int, int], write: bool) -> None:
     about = (
         f"Damping: {RATIO:.0%} at {DAMPED[0]:g} and {DAMPED[1]:g} Hz (Rayleigh). Errors at {solid.omega.size} "
         f"frequencies against direct solves. {LIKE} {found.get('proof', '')}"
-    )
+    ).strip()
     names = {road: road for road in RUNS} | PEERS
+    if missing := [names[method] for method in names if method not in found]:
+        about += f" Not run at this size: {'; '.join(missing)}."
     rows = [(names[method], *row) for method in names if method in found for row in found[method]]
     label = "sparse solid" if cells == CELLS else "small sparse solid"
     lines = table(label, ORDERS, rows, about)
