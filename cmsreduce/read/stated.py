@@ -148,6 +148,8 @@ class StatedNodes(NamedTuple):
         True for nodes of solids; of bars and beams, also of those whose stiffness is not known.
     plates : StatedPlates, optional
         All plates.
+    links : (q, 2) int64, optional
+        Pairs of nodes that bars and springs alone couple.
     """
 
     stiffness: sp.csr_array
@@ -157,6 +159,7 @@ class StatedNodes(NamedTuple):
     solid: NDArray[np.bool_]
     barred: NDArray[np.bool_]
     plates: StatedPlates | None = None
+    links: NDArray[np.int64] | None = None
 
 
 class StatedEnergy(NamedTuple):

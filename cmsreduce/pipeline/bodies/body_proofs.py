@@ -19,6 +19,7 @@ from cmsreduce.pipeline.bodies.deck_agreement import (
     energy_ratios,
     ratio_in_words,
 )
+from cmsreduce.pipeline.bodies.nodal_links import links_against_deck
 from cmsreduce.pipeline.bodies.nodal_mass import (
     exchanges_hidden,
     generalised_coordinates,
@@ -171,12 +172,23 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
         agree.append(f"at {local.compared} of {local.nodes} nodes")
         if local.compared == local.nodes:
             digits = -math.log10(EXACT)
+    if stated is not None and stated.at_nodes is not None:
+        links = links_against_deck(body, stated.at_nodes, stated.turning)
+        checks += [links] if links is not None else []
+        if links is not None and not links.passed:
+            remark = f"the stiffness of bars or springs is not that of the deck: {links.note}"
+            return checks, Proof("stiffness", "refuted", remark=remark)
     if agree:
         bent = 0 if stated is None else stated.turning.size
         seen = 0 if stated is None or local is None else int(local.bending[stated.turning].sum())
         rest = "; bending and torsion at the other nodes are not compared: compare its frequencies"
         remark = f"{sound}; agrees with the deck {', '.join(agree)}{rest if bent > seen else ''}"
-        shown = "stretch" if negative == 0 and bent > seen else ""
+        shown = "stretch" if bent > seen else ""
+        every = local is not None and local.compared == local.nodes
+        if stated is not None and stated.high is None and not every and not shown:
+            shown = "lower bound" if local is None else "some nodes"
+            remark += ": compare its frequencies"
+        shown = shown if negative == 0 else ""
         return checks, Proof("stiffness", state, digits, remark, only=shown)
     counted = stated is not None and stated.nodes.size
     why = "no uniform strain leaves its supports" if counted else "no deck states the materials of its rows"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -19,16 +19,19 @@ from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.bars import offsets_of
 from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable, read_cards
 from cmsreduce.read.nastran.deck_sections import SHAPED, Section, sections_of
+from cmsreduce.read.nastran.frames import FRAME_CARDS, CoordinateSystem, FrameChain, frame_definitions
 from cmsreduce.read.stated import NotCountedError
 
 __all__ = [
     "LAYERED",
     "PLATES",
     "UNCOUNTED",
+    "UNKNOWN",
     "Bar",
     "Elements",
     "Faces",
     "Material",
+    "are_isotropic",
     "isotropic",
     "lame_of",
     "node_index",
@@ -39,18 +42,19 @@ __all__ = [
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-UNCOUNTED = (
-    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMPG"),
-    *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT"),
-    *("BAROR", "BEAMOR", "DMIG"),
+UNKNOWN = (
+    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX"),
+    *("CTUBE", "CBEND", "CBEAM3"),
 )
+"""Elements that nothing here counts, with their nodes on their cards."""
+UNCOUNTED = (*(*UNKNOWN, "PCOMPG", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT", "BAROR", "BEAMOR", "DMIG"),)
 """Cards of mass and stiffness that nothing here counts."""
 
 LAYERED = ("PCOMP", "MAT2", "MAT8")
 """Cards of plates that are counted at nodes alone."""
 
 _BARS = {"CBAR": "PBAR", "CBEAM": "PBEAM", "CROD": "PROD", "CONROD": ""}
-_SOLIDS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+_SOLIDS = {"CTETRA": 4, "CPYRAM": 5, "CPENTA": 6, "CHEXA": 8}
 PLATES = {"CTRIA3": 3, "CQUAD4": 4}
 """Plates and the number of their corners."""
 
@@ -59,7 +63,7 @@ _CARDS = (
     # Cards of mass alone, then of stiffness alone.
     *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1"),
     *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
-    *("GENEL", "PELAS", "MATT1", "MATT2", "MATT8", *LAYERED, *UNCOUNTED),
+    *("GENEL", "PELAS", "PBUSH", "PBUSHT", "MATT1", "MATT2", "MATT8", *LAYERED, *UNCOUNTED),
 )
 _CONSTRAINTS = ("MPC", "RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RROD", "RTRPLT", "RSPLINE", "RSSCON", "RJOINT")
 # A listing echoes the cards behind their count. A pattern that begins with one character is searched for quickly.
@@ -131,6 +135,12 @@ class Faces:
     cards: Sequence[Card]
     corners: int
 
+    def only(self, keep: NDArray[np.bool_]) -> Faces:
+        """Some of the elements (e,)."""
+        if keep.all():
+            return self
+        return replace(self, nodes=self.nodes[keep], between=self.between[keep], property=self.property[keep])
+
     def each(self, value: Callable[[Card], float]) -> Array:
         """A value of the property of each element (e,); properties of no element are not read."""
         used, at = self._used
@@ -156,9 +166,8 @@ class Elements:
     Raises
     ------
     NotCountedError
-        By a kind of elements, if a property is missing or an element is not counted: a tapered bar, a section of
-        another shape than BAR, BOX, ROD and TUBE, a plate with an offset or a thickness of its own, a solid with some
-        of its nodes between corners only.
+        By a kind of elements, if a property is missing or an element is not counted: a plate with an offset or a
+        thickness of its own, a solid with some of its nodes between corners only. Bars are counted one by one.
     """
 
     def __init__(self, cards: Cards, nodes: Nodes, prestressed: bool = False) -> None:
@@ -169,10 +178,28 @@ class Elements:
         """Cards of rigid elements and equations."""
         return [self.cards[name] for name in _CONSTRAINTS if name in self.cards]
 
+    def system(self, number: int, where: str) -> CoordinateSystem:
+        """Coordinate system that a card refers to.
+
+        Raises
+        ------
+        NotCountedError
+            If it is not defined, or goes through grids.
+        """
+        try:
+            return self._systems.system(number, where)
+        except ReadError as error:
+            raise NotCountedError from error
+
+    @cached_property
+    def _systems(self) -> FrameChain:
+        return FrameChain(frame_definitions(self.cards), {})
+
     @cached_property
     def materials(self) -> dict[int, Material]:
-        """Materials by number; a blank modulus follows from the others."""
+        """Materials by number; a blank modulus follows from the others, one that varies with temperature is unknown."""
         found = {}
+        varied = {card.integer(0): card for card in self.cards.get("MATT1", ())}
         for card in self.cards.get("MAT1", ()):
             E, G, nu = card.real(1), card.real(2), card.real(3)
             if not card.text(1):
@@ -181,13 +208,27 @@ class Elements:
                 G = E / (2 * (1 + nu))
             if not card.text(3) and G:
                 nu = E / (2 * G) - 1
-            found[card.integer(0)] = Material(E, G, nu, card.real(4))
+            number = card.integer(0)
+            density = card.real(4)
+            if number in varied:
+                E = np.nan if any(varied[number].text(k) for k in (1, 2, 3)) else E
+                density = np.nan if varied[number].text(4) else density
+            found[number] = Material(E, G, nu, density)
         return found
 
-    @cached_property
+    @property
     def bars(self) -> tuple[Bar, ...]:
-        """Bars, beams and rods."""
-        return tuple(_bars_of(self.cards, self.nodes))
+        """Bars, beams and rods whose section is known."""
+        return self._bars[0]
+
+    @property
+    def loose_bars(self) -> Indices:
+        """Positions (b, 2) of the nodes of the others: tapered, of another shape, or with ends along their own axes."""
+        return self._bars[1]
+
+    @cached_property
+    def _bars(self) -> tuple[tuple[Bar, ...], Indices]:
+        return _bars_of(self.cards, self.nodes)
 
     @cached_property
     def plates(self) -> tuple[Faces, ...]:
@@ -207,7 +248,7 @@ def stated_elements(path: Path, nodes: Nodes) -> Elements | None:
         text = b"\n" + path.read_bytes()
         if not _STATED.search(text):
             return None
-        sections = read_cards(path, {*_CARDS, *_CONSTRAINTS}).sections
+        sections = read_cards(path, {*_CARDS, *_CONSTRAINTS, *FRAME_CARDS}).sections
     except (OSError, ReadError):
         return None
     # Without a case control, any load may have stressed the structure.
@@ -224,9 +265,23 @@ def isotropic(number: int, materials: Mapping[int, Material]) -> Material:
         If there is none, or its moduli are not those of an isotropic one.
     """
     found = materials.get(number)
-    if found is None or not found.E > 0 or abs(2 * found.G * (1 + found.nu) / found.E - 1) > _ISOTROPIC:
+    if found is None or not _is_isotropic(found):
         raise NotCountedError
     return found
+
+
+def are_isotropic(faces: Faces, field: int, materials: Mapping[int, Material]) -> NDArray[np.bool_]:
+    """True for elements (e,) whose property names an isotropic material in a field."""
+
+    def known(card: Card) -> float:
+        made = materials.get(card.integer(field))
+        return float(made is not None and _is_isotropic(made) and card.text(6) != "PFLUID")
+
+    return faces.each(known) > 0
+
+
+def _is_isotropic(material: Material) -> bool:
+    return material.E > 0 and abs(2 * material.G * (1 + material.nu) / material.E - 1) <= _ISOTROPIC
 
 
 def lame_of(material: Material) -> float:
@@ -248,25 +303,27 @@ def node_index(nodes: Nodes, node: int) -> int:
     return at
 
 
-def _bars_of(cards: Cards, nodes: Nodes) -> Iterator[Bar]:
+def _bars_of(cards: Cards, nodes: Nodes) -> tuple[tuple[Bar, ...], Indices]:
     sections = {(kind, number): made for kind, number, made in sections_of(cards)}
+    bars, loose = [], []
     for name, kind in _BARS.items():
         for card in cards.get(name, ()):
-            first = 2
+            first, made = 2, sections.get((kind, card.integer(1, card.integer(0))))
             if name == "CONROD":
                 rod = np.zeros((2, 2)), card.real(5), np.zeros(2), True
                 made, first = Section(card.integer(3), card.real(4), *rod, card.real(7)), 1
-            else:
-                key = (kind, card.integer(1, card.integer(0)))
-                if key not in sections:
-                    raise NotCountedError
-                made = sections[key]
             at = np.array([node_index(nodes, card.integer(first + k)) for k in range(2)])
-            ends, pinned = nodes.xyz[at].copy(), False
-            if name in ("CBAR", "CBEAM"):
-                ends += [nodes.frame[k].T @ w for k, w in zip(at, offsets_of(card), strict=True)]
-                pinned = any(card.text(k).strip("0") for k in (8, 9))
-            yield Bar(at, ends, made, pinned, card)
+            try:
+                offsets = offsets_of(card) if name in ("CBAR", "CBEAM") else np.zeros((2, 3))
+            except ReadError:
+                made = None
+            if made is None:
+                loose.append(at)
+                continue
+            ends = nodes.xyz[at] + [nodes.frame[k].T @ w for k, w in zip(at, offsets, strict=True)]
+            pinned = name in ("CBAR", "CBEAM") and any(card.text(k).strip("0") for k in (8, 9))
+            bars.append(Bar(at, ends, made, pinned, card))
+    return tuple(bars), np.array(loose, dtype=np.int64).reshape(-1, 2)
 
 
 def _plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
@@ -283,7 +340,7 @@ def _plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
 
 def _solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
     made = {card.integer(0): card for card in cards.get("PSOLID", ())}
-    all_edges = {4: 6, 6: 9, 8: 12}
+    all_edges = {4: 6, 5: 8, 6: 9, 8: 12}
     for name, count in _SOLIDS.items():
         found = cards.get(name, NO_CARDS)
         if not len(found):

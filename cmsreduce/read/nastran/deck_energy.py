@@ -6,7 +6,6 @@ strain; its energy is left out, which leaves a lower bound.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from cmsreduce.read.nastran.deck_elements import (
     Elements,
     Faces,
     Material,
+    are_isotropic,
     isotropic,
     lame_of,
     stated_elements,
@@ -43,15 +43,20 @@ from cmsreduce.read.stated import (
 __all__ = ["deck_energy", "deck_statement"]
 
 Array = NDArray[np.float64]
+Lost = tuple[int, int]
+"""Elements left out, by `_LOST`."""
 # Cards whose stiffness is not counted: only a lower bound is known.
 _OTHERS = (*UNCOUNTED, *LAYERED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL")
 # Springs between points at one place take no energy from a uniform strain.
 _SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
 _EDGES = {
     4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    5: ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
     6: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 4), (2, 5), (3, 4), (4, 5), (5, 3)),
     8: ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6), (6, 7), (7, 4)),
 }
+# Reasons to leave out an element of a kind that is counted.
+_LOST = ("on points without rows", "of another section or material")
 # Share of a plate's thickness in shear, by default.
 _SHEAR_SHARE = 0.8333333
 # An element that bends where it has no shear: its stiffness over that of a strip as wide as its shortest edge.
@@ -95,8 +100,10 @@ def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEne
             without += [name for name in names if cards.get(name)]
             continue
         parts += of_these
-        if lost:
-            without.append(f"{lost} {', '.join(name for name in names if cards.get(name))} on points without rows")
+        kind = ", ".join(name for name in names if cards.get(name))
+        for count, why in zip(lost, _LOST, strict=True):
+            if count:
+                without.append(f"{count} {kind} {why}")
     stated, at_nodes = sum_of_energies(parts, without), nodes_of(elements, moving)
     if at_nodes is None or at_nodes.plates is None:
         return None if stated is None else stated._replace(at_nodes=at_nodes)
@@ -130,14 +137,17 @@ def _quadratic(weight: Array, row: Array) -> Array:
     return np.asarray(np.einsum("e,ei,ej->ij", weight, row, row))
 
 
-def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], int]:
+def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], Lost]:
     parts: list[EnergyPart] = []
-    lost, nodes, materials = 0, elements.nodes, elements.materials
+    nodes, materials = elements.nodes, elements.materials
+    without_rows, other = 0, 0
     for stated in elements.solids:
-        faces = _on_rows(stated, moving)
-        lost += len(stated.property) - len(faces.property)
-        if faces.each(lambda p: p.text(6) == "PFLUID").any():
-            raise NotCountedError
+        on_rows = _on_rows(stated, moving)
+        faces = on_rows.only(are_isotropic(on_rows, 1, materials))
+        without_rows += len(stated.property) - len(on_rows.property)
+        other += len(on_rows.property) - len(faces.property)
+        if not len(faces.property):
+            continue
         corners = nodes.xyz[faces.nodes]
         if are_curved(corners, nodes.xyz[faces.between], np.array(_EDGES[faces.corners])).any():
             raise NotCountedError
@@ -145,18 +155,15 @@ def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyP
         G = faces.each(lambda p: isotropic(p.integer(1), materials).G)
         lame = faces.each(lambda p: lame_of(isotropic(p.integer(1), materials)))
         parts.append(solid_energy(np.concatenate([faces.nodes.ravel(), faces.between.ravel()]), volume, G, lame))
-    return parts, lost
+    return parts, (without_rows, other)
 
 
 def _on_rows(faces: Faces, moving: NDArray[np.bool_]) -> Faces:
     """The elements of which every node has rows."""
-    keep = np.asarray(moving[np.hstack([faces.nodes, faces.between])].all(axis=1))
-    if keep.all():
-        return faces
-    return replace(faces, nodes=faces.nodes[keep], between=faces.between[keep], property=faces.property[keep])
+    return faces.only(np.asarray(moving[np.hstack([faces.nodes, faces.between])].all(axis=1)))
 
 
-def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], int]:
+def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], Lost]:
     parts: list[EnergyPart] = []
     lost, nodes, materials = 0, elements.nodes, elements.materials
     for stated in elements.plates:
@@ -188,7 +195,7 @@ def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyP
         # The nodes do not turn with the plate: it is sheared across, and bends where it has no shear.
         high = low + _quadratic(stiff, _strain_of(n, x)) + _quadratic(stiff, _strain_of(n, y))
         parts.append((faces.nodes, low, low, high, True))
-    return parts, lost
+    return parts, (lost, 0)
 
 
 def _layer(card: Card, k: int, materials: dict[int, Material]) -> Material:
@@ -200,14 +207,15 @@ def _plane_strain(material: Material) -> float:
     return material.E / (1 - material.nu**2)
 
 
-def _bars(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], int]:
-    nodes, stated = elements.nodes, elements.bars
-    bars = [bar for bar in stated if moving[bar.nodes].all()]
+def _bars(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPart], Lost]:
+    nodes, materials = elements.nodes, elements.materials
+    known = {number for number, made in materials.items() if made.E > 0}
+    read = [bar for bar in elements.bars if bar.section.material in known]
+    bars = [bar for bar in read if moving[bar.nodes].all()]
+    lost = len(read) - len(bars), len(elements.bars) - len(read) + len(elements.loose_bars)
     if not bars:
-        return [], len(stated)
-    made = [elements.materials.get(bar.section.material) for bar in bars]
-    if any(each is None or not each.E > 0 for each in made):
-        raise NotCountedError
+        return [], lost
+    made = [materials[bar.section.material] for bar in bars]
     at = np.array([bar.nodes for bar in bars])
     ends = np.array([bar.ends for bar in bars])
     along = ends[:, 1] - ends[:, 0]
@@ -224,11 +232,11 @@ def _bars(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPar
     across = [row - e[:, [k]] * stretch for k, row in enumerate(across)]
     soft, stiff = _bending(bars, E, G, length)
     low, high = (axial + sum(_quadratic(k, row) for row in across) for k in (soft, stiff))
-    return [(at, axial, np.asarray(low), np.asarray(high), bool(stiff.any()))], len(stated) - len(bars)
+    return [(at, axial, np.asarray(low), np.asarray(high), bool(stiff.any()))], lost
 
 
 _KINDS = {
-    ("CTETRA", "CPENTA", "CHEXA"): _solids,
+    ("CTETRA", "CPYRAM", "CPENTA", "CHEXA"): _solids,
     ("CTRIA3", "CQUAD4"): _plates,
     ("CBAR", "CBEAM", "CROD", "CONROD"): _bars,
 }

@@ -21,7 +21,7 @@ from cmsreduce.read.nastran.deck_elements import (
     node_index,
     stated_elements,
 )
-from cmsreduce.read.nastran.deck_points import AT_POINT, point_blocks, turning_mass
+from cmsreduce.read.nastran.deck_points import offset_of, point_blocks, turning_mass
 from cmsreduce.read.stated import MassPart, NotCountedError, StatedMass, as_inertia, outer, point_mass, sum_of_masses
 
 __all__ = ["deck_mass", "grid_masses", "mass_of", "solid_volumes"]
@@ -40,8 +40,14 @@ _ONE_MASS = 1e-6
 _HEXAHEDRON = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
 # Triangles of three corners of a quadrilateral.
 _AROUND = ((0, 1, 2), (1, 2, 3), (2, 3, 0), (3, 0, 1))
-# A tetrahedron and a wedge are hexahedra with corners that coincide.
-_CORNERS = {4: (0, 1, 2, 2, 3, 3, 3, 3), 6: (0, 1, 2, 2, 3, 4, 5, 5), 8: (0, 1, 2, 3, 4, 5, 6, 7)}
+# A tetrahedron, a pyramid and a wedge are hexahedra with corners that coincide.
+_PYRAMID = 5
+_CORNERS = {
+    4: (0, 1, 2, 2, 3, 3, 3, 3),
+    5: (0, 1, 2, 3, 4, 4, 4, 4),
+    6: (0, 1, 2, 2, 3, 4, 5, 5),
+    8: (0, 1, 2, 3, 4, 5, 6, 7),
+}
 
 
 def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
@@ -59,8 +65,8 @@ def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
     StatedMass or None
         None if the file is no deck, states no mass, or has elements that are not counted: plates in layers or with an
         offset or a thickness of their own, skew plates and solids (their centre depends on the lumping of mass),
-        elements with nodes between corners, scalar masses (CMASS has no place), sections with stations or with other
-        shapes than BAR, BOX, ROD and TUBE, a CONM1 that is no point mass.
+        elements with nodes between corners, scalar masses (CMASS has no place), tapered sections or ones of other
+        shapes than BAR, BOX, ROD and TUBE, pyramids, a CONM1 that is no point mass.
     """
     return mass_of(stated_elements(path, nodes))
 
@@ -71,14 +77,14 @@ def mass_of(elements: Elements | None) -> StatedMass | None:
         return None
     cards, nodes = elements.cards, elements.nodes
     try:
-        parts = [*_bars(elements), *_plates(elements), *_solids(elements), *_points(cards, nodes)]
+        parts = [*_bars(elements), *_plates(elements), *_solids(elements), *_points(elements)]
     except (ReadError, NotCountedError):
         return None
     scale = _weight_factor(cards)
     stated = sum_of_masses(parts, len(nodes), scale)
     if stated is None:
         return None
-    points, unknown = point_blocks(cards, nodes)
+    points, unknown = point_blocks(elements)
     turning = scale * turning_mass(elements)
     turning[unknown] = np.inf
     return stated._replace(points=scale * points, turning=turning)
@@ -97,8 +103,8 @@ def grid_masses(path: Path, nodes: Nodes) -> Array | None:
     Returns
     -------
     (N, 6, 6) float64 or None
-        Masses of elements, and masses, offsets and inertias of CONM2; None where `deck_mass` gives none, or an inertia
-        is along the axes of a coordinate system.
+        Masses of elements, and masses, offsets and inertias of CONM2; None where `deck_mass` gives none, or a CONM1 has
+        an inertia.
     """
     elements = stated_elements(path, nodes)
     stated = mass_of(elements)
@@ -106,7 +112,7 @@ def grid_masses(path: Path, nodes: Nodes) -> Array | None:
         return None
     cards = elements.cards
     scale = _weight_factor(cards)
-    found, unknown = point_blocks(cards, nodes)
+    found, unknown = point_blocks(elements)
     if unknown.any():
         return None
     found *= scale
@@ -120,13 +126,15 @@ def _weight_factor(cards: Cards) -> float:
 
 
 def _density(number: int, materials: dict[int, Material]) -> float:
-    if number not in materials:
+    if number not in materials or np.isnan(materials[number].density):
         raise NotCountedError
     return materials[number].density
 
 
 def _bars(elements: Elements) -> Iterator[MassPart]:
     bars, materials = elements.bars, elements.materials
+    if elements.loose_bars.size:
+        raise NotCountedError
     if not bars:
         return
     ends = np.array([bar.ends for bar in bars])
@@ -143,13 +151,11 @@ def _bars(elements: Elements) -> Iterator[MassPart]:
     yield np.array([bar.nodes for bar in bars]), np.repeat(mass[:, None] / 2, 2, axis=1), centre, spread, lumped
 
 
-def _points(cards: Cards, nodes: Nodes) -> Iterator[MassPart]:
+def _points(elements: Elements) -> Iterator[MassPart]:
+    cards, nodes = elements.cards, elements.nodes
     for card in cards.get("CONM2", ()):
-        frame, offset = card.integer(2, 0), np.array([card.real(k) for k in (4, 5, 6)])
-        if frame > 0 and offset.any():
-            raise NotCountedError
         at = node_index(nodes, card.integer(1))
-        place = offset if frame == AT_POINT else nodes.xyz[at] + offset
+        place = nodes.xyz[at] + offset_of(card, elements)[0]
         # Moments are along the card's frame; their size bounds their share in every frame.
         own = np.zeros((3, 3))
         own[np.tril_indices(3)] = [card.real(k) for k in range(8, 14)]
@@ -176,7 +182,8 @@ def _plates(elements: Elements) -> Iterator[MassPart]:
 
 def _solids(elements: Elements) -> Iterator[MassPart]:
     for faces in elements.solids:
-        if faces.between.shape[1]:
+        # The shape functions of a pyramid differ between programs.
+        if faces.between.shape[1] or faces.corners == _PYRAMID:
             raise NotCountedError
         density = faces.each(lambda p: _density(p.integer(1), elements.materials))
         corners = elements.nodes.xyz[faces.nodes]
@@ -239,7 +246,7 @@ def _plate_areas(corners: Array) -> tuple[Array, Array, Array]:
 
 
 def solid_volumes(corners: Array, points: int = 3) -> tuple[Array, Array, Array]:
-    """Volumes (e,), centres (e, 3) and second moments (e, 3, 3) of solids with straight edges (e, 4, 6 or 8, 3).
+    """Volumes (e,), centres (e, 3) and second moments (e, 3, 3) of solids with straight edges (e, 4, 5, 6 or 8, 3).
 
     Two Gauss points each way integrate the volume and the centre of a trilinear map exactly, and the second moment of
     a parallelepiped; three are exact for a tetrahedron and a wedge.

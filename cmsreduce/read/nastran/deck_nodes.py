@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -11,10 +13,12 @@ from cmsreduce.mechanics import member_stiffness
 from cmsreduce.model import Members, Nodes, cross_matrix
 from cmsreduce.read.isoparametric import SOLIDS, are_affine, slope_integrals
 from cmsreduce.read.nastran.bars import orientation_of, released_at
-from cmsreduce.read.nastran.cards import Card
-from cmsreduce.read.nastran.deck_elements import UNCOUNTED, Bar, Elements, Faces, isotropic, lame_of
+from cmsreduce.read.nastran.cards import Card, CardTable
+from cmsreduce.read.nastran.deck_bushes import stated_bushes
+from cmsreduce.read.nastran.deck_elements import UNKNOWN, Bar, Elements, Faces, are_isotropic, isotropic, lame_of
 from cmsreduce.read.nastran.deck_plates import stated_plates
 from cmsreduce.read.stated import SAME_PLACE, NotCountedError, StatedNodes
+from cmsreduce.read.stated_links import sole_links
 from cmsreduce.read.stated_nodes import SolidForces, solid_forces, sum_at_nodes
 
 __all__ = ["nodes_of"]
@@ -22,14 +26,12 @@ __all__ = ["nodes_of"]
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Cards whose nodes are not read here, or whose stiffness depends on the temperature.
-_OTHERS = (
-    *(*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL"),
-    *("MATT1", "MATT2", "MATT8"),
-)
+# Elements whose stiffness is not read here, but whose nodes are on their cards.
+_UNKNOWN = (*UNKNOWN, "CBUSH1D", "CBUSH2D", "CGAP", "GENEL")
+# Cards that give a stiffness to other nodes than they name, or change that of other cards.
+_ELSEWHERE = ("CWELD", "CFAST", "CSEAM", "DMIG", "BAROR", "BEAMOR", "PCOMPG", "MATT2", "MATT8")
 # Fields of two nodes, each with the field of its component if that is one.
 _SPRINGS = {"CELAS1": ((2, 3), (4, 5)), "CELAS2": ((2, 3), (4, 5))}
-_BUSH = (2, 3)
 # Shear of an unknown area in a deflection, relative to bending, that changes no stiffness of four digits.
 _NO_SHEAR = 2e-4
 _SOLIDS = {4: ("C3D4", "C3D10"), 6: ("C3D6", "C3D15"), 8: ("C3D8", "C3D20")}
@@ -49,9 +51,9 @@ def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNode
     -------
     StatedNodes or None
         None if some elements are at unknown nodes, or if the matrix may have a stiffness by prestress. Nodes beside
-        those without rows are not known.
+        those without rows are not known, nor are those of constraints.
     """
-    if elements is None or elements.prestressed or any(elements.cards.get(name) for name in _OTHERS):
+    if elements is None or elements.prestressed or any(elements.cards.get(name) for name in _ELSEWHERE):
         return None
     count = len(elements.nodes)
     try:
@@ -62,33 +64,61 @@ def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNode
         stiffness, plates = _stiffness(exact, springs, elements), stated_plates(elements)
     except (ReadError, NotCountedError, MatrixError):
         return None
+    loose = [bar.nodes for bar in bars if not _is_exact(bar, elements)]
+    every_bar = np.vstack([np.array([bar.nodes for bar in bars], dtype=np.int64).reshape(-1, 2), elements.loose_bars])
     shapes = [np.hstack([each.nodes, each.between]) for each in solids]
-    shapes += [np.array([bar.nodes for bar in bars], dtype=np.int64).reshape(-1, 2)]
     if plates is not None:
         shapes.append(np.where(plates.corners < 0, plates.corners[:, :1], plates.corners))
-    # An element on a node without rows gives its stiffness to others.
-    beside += [each[~moving[each].all(axis=1)].ravel() for each in shapes]
+    own = [every_bar, *shapes]
+    constraints, others = _named(elements, elements.constraints), _named(elements, _cards(elements, _UNKNOWN))
+    tied = _joined(constraints)
+    # A node without rows gives the stiffness of its elements to those around it, or to nodes of its constraint.
+    next_to_led = [part[~moving[part].all(axis=1)].ravel() for part in own]
     known = _joined([bar.nodes for bar in exact] + [at // 6 for _, at in springs])
-    loose = [bar.nodes for bar in bars if not _is_exact(bar, elements)]
-    unknown = [*loose, *unlike, *beside, _followed(elements)]
-    return sum_at_nodes(count, forces, stiffness, known, _joined(unknown), _joined([bar.nodes for bar in bars]), plates)
+    unknown = _joined([*loose, elements.loose_bars.ravel(), *unlike, *beside, *next_to_led, tied, *others])
+    found = sum_at_nodes(count, forces, stiffness, known, unknown, every_bar.ravel(), plates)
+    led = moving.copy()
+    led[tied] = True
+    # One that no constraint moves is condensed: it couples all around it.
+    if found is None or not all(led[part].all() for part in own):
+        return found
+    return found._replace(links=_links(elements, exact, springs, shapes, constraints, [*beside, *others]))
 
 
 def _joined(parts: list[Indices]) -> Indices:
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
-def _followed(elements: Elements) -> Indices:
-    """Positions of all nodes that a constraint may name: it gives them stiffness of dofs without rows."""
-    numbers = {
-        int(text)
-        for cards in elements.constraints
-        for card in cards
-        for text in (card.text(k) for k in range(len(card.fields)))
-        if text.isdigit()
-    }
-    at = elements.nodes.index(sorted(numbers))
-    return np.asarray(at[at >= 0])
+def _cards(elements: Elements, names: Sequence[str]) -> list[CardTable]:
+    return [elements.cards[name] for name in names if name in elements.cards]
+
+
+def _named(elements: Elements, tables: Sequence[CardTable]) -> list[Indices]:
+    """Positions of the nodes that each of some cards may name."""
+    found = []
+    for cards in tables:
+        for card in cards:
+            numbers = {int(text) for text in card.fields if text.isdigit()}
+            at = elements.nodes.index(sorted(numbers))
+            found.append(np.asarray(at[at >= 0]))
+    return [each for each in found if each.size]
+
+
+def _links(
+    elements: Elements,
+    exact: list[Bar],
+    springs: list[tuple[Array, Indices]],
+    faces: list[Indices],
+    constraints: list[Indices],
+    unread: list[Indices],
+) -> Indices:
+    """Pairs of nodes that bars and springs of a known stiffness alone couple."""
+    known = {id(bar) for bar in exact}
+    pairs = [bar.nodes for bar in exact] + [ends for _, at in springs if (ends := np.unique(at // 6)).size > 1]
+    loose = [bar.nodes for bar in elements.bars if id(bar) not in known]
+    others = [*faces, np.array(loose, dtype=np.int64).reshape(-1, 2), elements.loose_bars]
+    others += [each[None] for each in unread if each.size > 1]
+    return sole_links(len(elements.nodes), np.array(pairs, dtype=np.int64).reshape(-1, 2), others, constraints)
 
 
 def _is_exact(bar: Bar, elements: Elements) -> bool:
@@ -158,7 +188,7 @@ def _released(card: Card) -> list[bool]:
 
 
 def _springs(elements: Elements) -> tuple[list[tuple[Array, Indices]], list[Indices]]:
-    """Springs as matrices at basic dofs, and the nodes of those that are not counted."""
+    """Springs as matrices at basic dofs, and the nodes of each that is not counted."""
     found: list[tuple[Array, Indices]] = []
     beside = [np.array([], dtype=np.int64)]
     rates = {card.integer(0): card.real(1) for card in elements.cards.get("PELAS", ())}
@@ -175,10 +205,8 @@ def _springs(elements: Elements) -> tuple[list[tuple[Array, Indices]], list[Indi
             known = [part for part in parts if part is not None]
             along = np.concatenate([known[0][0], -known[1][0]])
             found.append((rate * np.outer(along, along), np.concatenate([at for _, at in known])))
-    for card in elements.cards.get("CBUSH", ()):
-        at = elements.nodes.index([card.integer(k, 0) for k in _BUSH])
-        beside.append(np.asarray(at[at >= 0]))
-    return found, beside
+    bushes, others = stated_bushes(elements)
+    return found + bushes, [*beside, *others]
 
 
 def _end(node: int, component: int, nodes: Nodes) -> tuple[Array, Indices] | None:
@@ -197,16 +225,17 @@ def _solid_forces(elements: Elements, solids: tuple[Faces, ...]) -> tuple[list[S
     found: list[SolidForces] = []
     beside: list[Indices] = []
     for faces in solids:
+        if faces.corners not in _SOLIDS:
+            beside.append(np.hstack([faces.nodes, faces.between]).ravel())
+            continue
         solid = SOLIDS[_SOLIDS[faces.corners][bool(faces.between.shape[1])]]
         places, lost = _in_order(faces, solid.edges, elements.nodes)
-        sure = ~lost
+        sure = ~lost & are_isotropic(faces, 1, elements.materials)
         sure[sure] = are_affine(solid, elements.nodes.xyz[places[sure]], SAME_PLACE)
-        if faces.each(lambda p: p.text(6) == "PFLUID").any():
-            raise NotCountedError
-        G = faces.each(lambda p: isotropic(p.integer(1), elements.materials).G)
-        lame = faces.each(lambda p: lame_of(isotropic(p.integer(1), elements.materials)))
-        slopes = slope_integrals(solid, elements.nodes.xyz[places[sure]], 2)
-        found.append(solid_forces(places[sure], slopes, G[sure], lame[sure]))
+        read = faces.only(sure)
+        G = read.each(lambda p: isotropic(p.integer(1), elements.materials).G)
+        lame = read.each(lambda p: lame_of(isotropic(p.integer(1), elements.materials)))
+        found.append(solid_forces(places[sure], slope_integrals(solid, elements.nodes.xyz[places[sure]], 2), G, lame))
         beside.append(np.hstack([faces.nodes, faces.between])[~sure].ravel())
     return found, beside
 

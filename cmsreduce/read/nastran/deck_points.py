@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import Nodes, cross_matrix
-from cmsreduce.read.nastran.cards import Cards
+from cmsreduce.model import cross_matrix
+from cmsreduce.read.nastran.cards import Card
 from cmsreduce.read.nastran.deck_elements import Elements, node_index
+from cmsreduce.read.stated import NotCountedError
 
-__all__ = ["AT_POINT", "point_blocks", "turning_mass"]
+__all__ = ["offset_of", "point_blocks", "turning_mass"]
 
 Array = NDArray[np.float64]
 
@@ -20,12 +21,29 @@ AT_POINT = -1
 _COUPLED, _TURNED = {2: 0.11, 3: 0.5, 4: 0.5}, {2: 0.09, 3: 0.2, 4: 0.2}
 
 
-def point_blocks(cards: Cards, nodes: Nodes) -> tuple[Array, NDArray[np.bool_]]:
+def offset_of(card: Card, elements: Elements) -> tuple[Array, Array]:
+    """Offset (3,) of a CONM2 along basic axes, and the axes (3, 3) of its inertia as rows.
+
+    Raises
+    ------
+    NotCountedError
+        If they are those of a system that is not rectangular, or not known.
+    """
+    frame, offset = card.integer(2, 0), np.array([card.real(k) for k in (4, 5, 6)])
+    if frame == AT_POINT:
+        return offset - elements.nodes.xyz[node_index(elements.nodes, card.integer(1))], np.eye(3)
+    system = elements.system(frame, card.where)
+    if system.kind != "rectangular":
+        raise NotCountedError
+    return np.asarray(offset @ system.axes), system.axes
+
+
+def point_blocks(elements: Elements) -> tuple[Array, NDArray[np.bool_]]:
     """Mass matrices (N, 6, 6) of the masses CONM2 at each grid along basic axes, without the factor of weights.
 
-    The mask (N,) is True for grids with an inertia or offset whose axes are those of a coordinate system, or with the
-    inertia of a CONM1: their matrices are incomplete.
+    The mask (N,) is True for grids with the inertia of a CONM1: their matrices are incomplete.
     """
+    cards, nodes = elements.cards, elements.nodes
     found, unknown = np.zeros((len(nodes), 6, 6)), np.zeros(len(nodes), dtype=bool)
     for card in cards.get("CONM1", ()):
         # M11 M21 M22 M31 .. M66: a point mass has nothing in its last three rows.
@@ -33,15 +51,12 @@ def point_blocks(cards: Cards, nodes: Nodes) -> tuple[Array, NDArray[np.bool_]]:
         found[at, range(3), range(3)] += card.real(3)
         unknown[at] |= any(card.real(k) for k in range(9, 24))
     for card in cards.get("CONM2", ()):
-        at, frame, mass = node_index(nodes, card.integer(1)), card.integer(2, 0), card.real(3)
-        offset, own = np.array([card.real(k) for k in (4, 5, 6)]), np.zeros((3, 3))
+        at, mass, own = node_index(nodes, card.integer(1)), card.real(3), np.zeros((3, 3))
         own[np.tril_indices(3)] = [card.real(k) for k in range(8, 14)]
-        if frame > 0 and (own.any() or offset.any()):
-            unknown[at] = True
-            own, offset = np.zeros((3, 3)), np.zeros(3)
-        arm = cross_matrix(offset - nodes.xyz[at] if frame == AT_POINT else offset)
+        offset, axes = offset_of(card, elements)
+        arm = cross_matrix(offset)
         # The card has the products of inertia without their sign.
-        J = 3 * np.diag(own.diagonal()) - own - own.T - mass * arm @ arm
+        J = axes.T @ (3 * np.diag(own.diagonal()) - own - own.T) @ axes - mass * arm @ arm
         found[at, range(3), range(3)] += mass
         found[at, :3, 3:] -= mass * arm
         found[at, 3:, :3] += mass * arm

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -20,8 +21,14 @@ SHAPED = {"PBARL": "PBAR", "PBEAML": "PBEAM"}
 # Fields of PBAR, PBEAM and PROD: area, moments I1, I2, I12, torsion constant and non-structural mass per length.
 _FIELDS = {"PBAR": (2, 3, 4, 18, 5, 6), "PBEAM": (2, 3, 4, 5, 6, 7), "PROD": (2, None, None, None, 3, 5)}
 # Factors of the shear area: of a PBAR none by default, so that shear is not counted; of a PBEAM 1.
-_SHEAR = {"PBAR": (16, 17, 0.0), "PBEAM": (16, 17, 1.0)}
-_PLAIN_BEAM = 8  # fields of a PBEAM before its stations
+_SHEAR = {"PBAR": ((16, 17), 0.0), "PBEAM": ((), 1.0)}
+# Stations with five digits or more.
+_STRAIGHT = 1e-4
+_LINE = 8
+_STATION = ("YES", "YESA", "NO")
+# Of a PBEAM after its stations: shear relief by taper, inertia of the mass per length, warping, and offsets of the mass
+# and of the neutral axis.
+_OTHER_AXES = range(2, 16)
 _DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
 # Programs find the shear area of a section by its shape; where they differ, or it depends on the walls, the least.
 _LEAST_SHEAR = {"ROD": 6 / 7, "TUBE": 0.5, "BAR": 5 / 6}
@@ -61,25 +68,43 @@ class Section:
 def sections_of(cards: Cards) -> Iterator[tuple[str, int, Section]]:
     """Kind, number and section of each property of bars, beams and rods.
 
-    Raises
-    ------
-    NotCountedError
-        If a section is tapered, or of another shape than BAR, BOX, ROD and TUBE.
+    Left out are sections that are tapered, whose axes are apart, or of another shape than BAR, BOX, ROD and TUBE.
     """
-    for name, kind in SHAPED.items():
+    made = [(name, kind, _section_by_shape) for name, kind in SHAPED.items()]
+    for name, kind, section in [*made, *((name, name, _section_by_numbers) for name in _FIELDS)]:
         for card in cards.get(name, ()):
-            yield kind, card.integer(0), _section_by_shape(card)
-    for name, (area, first, second, mixed, twist, more) in _FIELDS.items():
-        for card in cards.get(name, ()):
-            last = _PLAIN_BEAM + 8
-            if name == "PBEAM" and any(card.text(k) for k in range(last, len(card.fields))):
-                raise NotCountedError
-            I1, I2, I12 = (0.0 if k is None else card.real(k) for k in (first, second, mixed))
-            at = _SHEAR.get(name)
-            shear = np.zeros(2) if at is None else np.array([card.real(k, at[2]) for k in at[:2]])
-            moments = np.array([[I1, I12], [I12, I2]])
-            own = card.real(area), moments, card.real(twist), shear, name != "PBEAM", card.real(more)
-            yield name, card.integer(0), Section(card.integer(1), *own)
+            with contextlib.suppress(NotCountedError):
+                yield kind, card.integer(0), section(card)
+
+
+def _section_by_numbers(card: Card) -> Section:
+    """Section of a PBAR, PROD, or PBEAM without taper."""
+    area, first, second, mixed, twist, more = _FIELDS[card.name]
+    I1, I2, I12 = (0.0 if k is None else card.real(k) for k in (first, second, mixed))
+    shear, default = _SHEAR.get(card.name, ((), 0.0))
+    if card.name == "PBEAM":
+        shear = tuple(k + _after_stations(card) for k in range(2))
+    factors = np.array([card.real(k, default) for k in shear]) if shear else np.zeros(2)
+    moments = np.array([[I1, I12], [I12, I2]])
+    own = card.real(area), moments, card.real(twist), factors, card.name != "PBEAM", card.real(more)
+    return Section(card.integer(1), *own)
+
+
+def _after_stations(card: Card) -> int:
+    """First field of a PBEAM after its stations, all of which have the section of its first end.
+
+    The line of points for stresses may be missing at every station, also at the first.
+    """
+    at = _LINE if card.text(_LINE) in _STATION else 2 * _LINE
+    while card.text(at) in _STATION:
+        # Behind the word and the place: area, moments, torsion constant and mass per length, as of the first end.
+        values = [(card.real(k), card.real(at + k, card.real(k))) for k in range(2, _LINE)]
+        if any(abs(here - first) > _STRAIGHT * abs(first) for first, here in values):
+            raise NotCountedError
+        at += 2 * _LINE if card.text(at) == "YES" else _LINE
+    if any(card.real(at + k) for k in _OTHER_AXES):
+        raise NotCountedError
+    return at
 
 
 def _section_by_shape(card: Card) -> Section:

@@ -27,6 +27,7 @@ FRAME = frame("part", XYZ, BARS)
 
 
 def opened(folder: Path, body: FEModel, cards: list[str], keys: str = "") -> FlexibleBody:
+    folder.mkdir(exist_ok=True)
     pipeline = load_pipeline(write_deck_body(folder, body, cards, keys))
     return read_flexible(pipeline, "part", build_scene(pipeline))
 
@@ -135,6 +136,92 @@ def test_a_short_bar_of_a_stated_shape_is_softer_by_its_shear(tmp_path: Path) ->
     low = 1 / (1 / bending[0] + 0.9 / (5 / 6 * G * area))
     np.testing.assert_allclose(found.low.diagonal()[[3, 5]], low * 0.9**2)
     np.testing.assert_allclose(found.high.diagonal()[[3, 5]], bending[1] * 0.9**2)
+
+
+STRAIGHT = f"{BAR.A:.6E},{BAR.Iz:.6E},{BAR.Iy:.6E},,{BAR.J:.6E}"
+
+
+@pytest.mark.parametrize(
+    ("more", "label"),
+    [
+        ([",,,,,,,,", ",0.,0."], "stiffness"),
+        # Without the line of points for stresses; then with it at every station, and blank values at the last.
+        ([f",NO,.3,{STRAIGHT},", f",NO,1.,{STRAIGHT},", ",0.,0."], "stiffness"),
+        ([",0.,1.,2.,3.,4.,5.,6.,7.", f",YES,.5,{STRAIGHT},", ",1.,,,,,,,", ",NO,1.", ",0.,0."], "stiffness"),
+        ([",,,,,,,,", f",NO,1.,{2 * BAR.A:.6E}"], "stiffness (stretch alone)"),
+        ([",,,,,,,,", f",NO,1.,,{2 * BAR.Iz:.6E}"], "stiffness (stretch alone)"),
+        ([",,,,,,,,", ",0.,0.", ",,,,,.01,.01"], "stiffness (stretch alone)"),
+    ],
+    ids=["plain", "stations", "points", "area", "moment", "neutral axis"],
+)
+def test_beams_with_stations_are_straight_or_not_counted(tmp_path: Path, more: list[str], label: str) -> None:
+    """The last bar of the frame is a beam; K1 and K2 of 0 leave its shear out, as in the matrix."""
+    cards = [card.replace("CBAR,8,1,", "CBEAM,8,8,") for card in bar_cards(BARS, XYZ)]
+    cards += [f"PBEAM,8,1,{STRAIGHT},", *more]
+    proof = proof_of(opened(tmp_path / "one", FRAME, cards), "stiffness")
+    assert (proof.state, proof.label) == ("proven", label), proof
+    assert ("1 CBAR, CBEAM of another section" in proof.remark) == ("alone" in label)
+    # A beam that is not counted leaves the mass unknown, not that of the rest.
+    mass = proof_of(opened(tmp_path / "mass", FRAME, cards), "mass")
+    assert mass.state == "proven" and ("no deck states its amount" in mass.remark) == ("alone" in label)
+    # Its material makes every counted beam four times as stiff.
+    steel = [
+        *(card.replace("PBEAM,8,1,", "PBEAM,8,2,") for card in cards),
+        f"MAT1,2,{4 * BAR.E},{4 * BAR.G},,{BAR.rho}",
+    ]
+    proof = proof_of(opened(tmp_path / "steel", FRAME, steel), "stiffness")
+    assert proof.state == ("proven" if "alone" in label else "refuted")
+
+
+@pytest.mark.parametrize(
+    ("card", "label"),
+    [
+        ("MATT1,1,5", "stiffness (definiteness alone)"),
+        ("MATT1,1,,,,5", "stiffness"),
+    ],
+)
+def test_a_material_that_varies_with_temperature_has_no_modulus(tmp_path: Path, card: str, label: str) -> None:
+    """The modulus on its card is one at another temperature; its density is known unless that varies."""
+    warm = replace(BRICK, K=0.8 * BRICK.K) if "definiteness" in label else BRICK
+    found = opened(tmp_path, warm, [*brick_cards(CELLS), card, "TABLEM1,5,,,,,,,", ",0.,7.+10,100.,5.6+10,ENDT"])
+    proof = proof_of(found, "stiffness")
+    assert (proof.state, proof.label) == ("proven", label) and not [c for c in found.checks if not c.passed]
+    amount = [check for check in found.checks if check.name == "mass against the deck"]
+    assert bool(amount) == (label != "stiffness")
+
+
+def test_solids_of_another_material_leave_the_others_compared(tmp_path: Path) -> None:
+    """The last twelve bricks are of an anisotropic material: no number of the deck has their stiffness here."""
+    cards, seen = brick_cards(CELLS), 0
+    for k, card in enumerate(cards):
+        if card.startswith("CHEXA"):
+            seen += 1
+            name, number, _, rest = card.split(",", 3)
+            cards[k] = f"{name},{number},{1 if seen <= 24 else 2},{rest}"
+    cards += ["PSOLID,2,2", "MAT9,2," + ",".join(["7.+10"] * 6)]
+    for factor, state in ((1.0, "proven"), (1.01, "refuted"), (1e3, "refuted")):
+        proof = proof_of(opened(tmp_path / str(factor), replace(BRICK, K=factor * BRICK.K), cards), "stiffness")
+        assert proof.state == state
+        assert state == "refuted" or proof.label == "stiffness (some nodes alone)"
+
+
+def test_a_body_with_elements_whose_nodes_are_unknown_is_proven_from_below(tmp_path: Path) -> None:
+    cards = [*brick_cards(CELLS), "CWELD,99,9,1,,PARTPAT", ",1,2", "PWELD,9,1,.01"]
+    proof = proof_of(opened(tmp_path, replace(BRICK, K=1e3 * BRICK.K), cards), "stiffness")
+    assert (proof.state, proof.label) == ("proven", "stiffness (lower bound alone)")
+
+
+def test_a_pyramid_has_the_energy_of_its_volume(tmp_path: Path) -> None:
+    from cmsreduce.read import deck_energy
+
+    base = np.array([[0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0]])
+    nodes = Nodes.in_basic(range(1, 6), np.vstack([base, [0.3, 0.2, 2.0]]))
+    path = tmp_path / "deck.bdf"
+    path.write_text("\n".join(["BEGIN BULK", "CPYRAM,1,1,1,2,3,4,5", "PSOLID,1,1", "MAT1,1,10.,,.25", "ENDDATA"]))
+    found = deck_energy(path, nodes)
+    # V = 4, lambda = 4, G = 4, as of the tetrahedron.
+    assert found is not None and found.exact
+    np.testing.assert_allclose(found.low.diagonal(), [48, 48, 48, 64, 64, 64])
 
 
 @pytest.mark.parametrize("kind", ["spring", "bar"])

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from cmsreduce.config import build_scene, load_pipeline
 from cmsreduce.model import FEModel, Finding, Proof, cross_matrix
 from cmsreduce.pipeline.bodies import read_flexible
-from tests.frames import frame
+from tests.frames import frame, rotation
 from tests.pipeline.bodies.decks import bar_cards, write_deck_body
 
 XYZ = [[0, 0, 0], [0.5, 0, 0], [1, 0.2, 0], [1.2, 0.7, 0.3], [0.6, 0.9, 0.5], [0.1, 0.5, 0.8], [1.6, 0.3, 0.2]]
@@ -34,7 +34,9 @@ def cards() -> list[str]:
     return made
 
 
-def mass_proof(folder: Path, points: list, *, lumped: bool = False, held: int = 0) -> tuple[Proof, list[Finding]]:
+def mass_proof(
+    folder: Path, points: list, *, lumped: bool = False, made: list[str] | None = None, held: int = 0
+) -> tuple[Proof, list[Finding]]:
     M = BODY.M.toarray()
     if lumped:
         M[:] = 0
@@ -45,7 +47,7 @@ def mass_proof(folder: Path, points: list, *, lumped: bool = False, held: int = 
     for node, mass, w, J in points:
         S, rows = cross_matrix(np.asarray(w)), slice(6 * node - 6, 6 * node)
         M[rows, rows] += np.block([[mass * np.eye(3), -mass * S], [mass * S, np.asarray(J) - mass * S @ S]])
-    body, deck, keys = replace(BODY, M=sp.csc_array(M)), [*bar_cards(BARS, XYZ), *cards()], ""
+    body, deck, keys = replace(BODY, M=sp.csc_array(M)), [*bar_cards(BARS, XYZ), *(made or cards())], ""
     if held:
         left = np.flatnonzero(body.dofs.node != held)
         body = FEModel("part", body.K[left][:, left], body.M[left][:, left], body.dofs[left], nodes=body.nodes)
@@ -62,6 +64,23 @@ def test_masses_as_the_deck_states_them_are_proven(tmp_path: Path, lumped: bool,
     proof, failed = mass_proof(tmp_path, POINTS, lumped=lumped, held=held)
     # A consistent mass loses what it has in common with the node that is held, and with it the evidence of its order.
     assert proof.state == ("unproven" if held and not lumped else "proven") and not failed
+
+
+@pytest.mark.parametrize(("sign", "state"), [(1.0, "proven"), (-1.0, "refuted")])
+def test_masses_along_a_coordinate_system(tmp_path: Path, sign: float, state: str) -> None:
+    """Offset and inertia of the first mass, along axes that are turned; or turned the other way."""
+    node, mass, w, J = POINTS[0]
+    axes = rotation([1.0, -0.5, 2.0], sign * 0.8)
+    system = ["CORD2R,5,,1.,2.,3.," + ",".join(f"{v:.9f}" for v in axes[2] + [1, 2, 3])]
+    system += ["," + ",".join(f"{v:.9f}" for v in axes[0] + [1, 2, 3])]
+    turned = rotation([1.0, -0.5, 2.0], 0.8)
+    offset, own = turned @ w, turned @ np.array(J) @ turned.T
+    products = [own[0, 0], -own[1, 0], own[1, 1], -own[2, 0], -own[2, 1], own[2, 2]]
+    made = [f"CONM2,90,{node},5,{mass}," + ",".join(f"{v:.9f}" for v in offset)]
+    made += ["," + ",".join(f"{v:.9f}" for v in products), *cards()[2:], *system]
+    proof, failed = mass_proof(tmp_path, POINTS, made=made)
+    assert proof.state == state
+    assert any(check.name == CHECK for check in failed) == (state == "refuted")
 
 
 @pytest.mark.parametrize(
