@@ -289,6 +289,10 @@ CASES = {
     "zero": ("zero", r"is zero: the parameter would change nothing"),
     "a lopsided mass": ("mass", r"a mass is the same in every direction"),
     "not symmetric": ("skew", r"is not symmetric"),
+    "mass as stiffness": ("M", r"'KG' of .* is the mass of the body"),
+    "stiffness as damping": ("D", r"is the stiffness of the body"),
+    "stress as mass": ("moved", r"translations of the body give it no momentum"),
+    "more mass than there is": ("less", r"1 times it leaves the body a negative mass"),
 }
 
 
@@ -301,13 +305,42 @@ def test_a_matrix_that_does_not_fit_is_refused(string: Path, kind: str, message:
     support[50, 50], lopsided[12, 12] = 1e3, 2.0
     skew = K.copy()
     skew[7, 1] *= 2
-    A = {"K": K[np.ix_(order, order)], "support": support, "zero": 0 * K, "mass": lopsided, "skew": skew}[kind]
-    op4.write(str(string.parent / "kg.op4"), {"KG": A})
-    what = "mass" if kind == "mass" else "stiffness"
+    A = {"K": K[np.ix_(order, order)], "support": support, "zero": 0 * K, "mass": lopsided, "skew": skew}
+    A |= {"M": body.M.toarray(), "D": body.K.toarray(), "moved": K, "less": np.diag(support.diagonal()) * 0}
+    A["less"][range(12, 15), range(12, 15)] = -50.0
+    op4.write(str(string.parent / "kg.op4"), {"KG": A[kind]})
+    what = {"mass": "mass", "moved": "mass", "less": "mass", "D": "damping"}.get(kind, "stiffness")
     file = string.parent / "kg.op4"
     keys = f"scene.parameters={{p: {{values: [0, 1], {what}: {{string: {{file: {file}, matrix: KG}}}}}}}}"
     with pytest.raises(CmsReduceError, match=message):
         _ = open_run(string, [keys]).bodies
+
+
+def test_a_matrix_that_may_hold_something_else_has_a_note(string: Path) -> None:
+    """Sound: a string's tension, and a modulus that falls by a fifth. Doubtful: the whole matrix, and other axes."""
+    body = line("string", [0, 0, 0], [1, 0, 0], ELEMENTS, interfaces={"left": 1, "right": ELEMENTS + 1})
+    KG, K0, M0 = string_stiffness(body, 1.0), body.K.toarray(), body.M.toarray()
+    axes = np.arange(body.n).reshape(-1, 6)
+    exchanged, turned = axes[:, [1, 0, 2, 3, 4, 5]].ravel(), axes[:, [3, 4, 5, 0, 1, 2]].ravel()
+    rod = np.zeros_like(KG)
+    for k in range(ELEMENTS):
+        rod[np.ix_([6 * k, 6 * k + 6], [6 * k, 6 * k + 6])] += [[1, -1], [-1, 1]]
+    for what, A, said in (
+        ("stiffness", KG, ""),
+        ("stiffness", -0.2 * K0, ""),
+        ("mass", 0.1 * M0, ""),
+        ("stiffness", KG[np.ix_(exchanged, exchanged)], "order of its axes is not proven"),
+        ("stiffness", rod[np.ix_(turned, turned)], "acts on rotations alone"),
+        ("stiffness", K0 + 1e3 * KG, "is the stiffness of the body times 1"),
+        ("mass", M0 + np.diag(np.tile([1e-3] * 3 + [0] * 3, ELEMENTS + 1)), "is the mass of the body times 1"),
+    ):
+        op4.write(str(string.parent / "kg.op4"), {"KG": A})
+        file = string.parent / "kg.op4"
+        keys = f"scene.parameters={{p: {{values: [0, 1], {what}: {{string: {{file: {file}, matrix: KG}}}}}}}}"
+        run = open_run(string, [keys])
+        _ = run.bodies
+        notes = [note for note in run.stages.notes if "parameter 'p'" in note]
+        assert len(notes) == bool(said) and all(said in note for note in notes), (said, notes)
 
 
 def test_a_parameter_of_sparse_dofs_is_exact(string: Path) -> None:

@@ -42,8 +42,19 @@ def body_terms(pipeline: Pipeline, body: FEModel, as_read: FEModel) -> tuple[tup
     """
     part, found, remarks = pipeline.components[body.name], list[ParameterTerm](), list[str]()
 
-    def add(of: str, letter: Letter, given: MatrixFile, what: str, unit: float, power: int, grounded: bool) -> None:
-        A, remark = read_parameter_matrix(matrix_source(given), as_read, letter, what, grounded=grounded)
+    def add(
+        of: str,
+        letter: Letter,
+        given: MatrixFile,
+        what: str,
+        unit: float,
+        power: int,
+        grounded: bool,
+        *values: float,
+    ) -> None:
+        factors = [(value / unit) ** power for value in values]
+        source = matrix_source(given)
+        A, remark = read_parameter_matrix(source, as_read, letter, what, grounded=grounded, factors=factors)
         restated = matrix_in_units(A, as_read.dofs, letter, as_read.units, body.units)
         T = row_motions(body, as_read)
         _refuse_held(restated, T, body, f"{what}: {given.file.name}", as_read)
@@ -57,9 +68,10 @@ def body_terms(pipeline: Pipeline, body: FEModel, as_read: FEModel) -> tuple[tup
         add("", "G", part.gyroscopic, "the body", 1.0, 0, False)
     for name, keys in pipeline.scene.parameters.items():
         unit = keys.unit.number_in(pipeline.units)
+        values = [value.number_in(pipeline.units) for value in keys.values]
         for letter, matrices in keys.matrices().items():
             if (given := matrices.get(body.name)) is not None:
-                add(name, letter, given, f"parameter '{name}'", unit, given.power, keys.grounded)
+                add(name, letter, given, f"parameter '{name}'", unit, given.power, keys.grounded, *values)
     for label, wheel in part.wheels.items():
         momentum = wheel.vector(pipeline.units)
         if momentum.any():
