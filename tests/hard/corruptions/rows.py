@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from tests.frames import BAR, beam_matrices, frame, line
 from tests.hard.corruptions.plated import plated
@@ -258,6 +259,58 @@ PATTERN = "mass: pairs of nodes coupled in M and in K"
 DECK = "the deck's materials, sections and masses"
 NO_DECK = "matrices and grids are those of a sound body of another material"
 
+
+def _offset_beam(study: Study) -> None:
+    """The last bar of the arm is a beam with an offset of its neutral axis in the deck, which no comparison reads."""
+
+    def edit(folder: Path) -> None:
+        deck = folder / f"{ARM}.bdf"
+        beam = f"PBEAM,8,1,{BAR.A},{BAR.Iz},{BAR.Iy},,{BAR.J}\n,,,,,,,,\n,0.,0.\n,,,,,.01,.01\n"
+        deck.write_text(deck.read_text().replace("CBAR,4,1,", "CBEAM,4,8,").replace("ENDDATA", f"{beam}ENDDATA"))
+
+    study.after.append(edit)
+
+
+def _bush(rate: float, stated: float) -> Change:
+    """A bush along the arm from node 2 to node 4, with another rate in the deck."""
+
+    def change(study: Study) -> None:
+        rows = np.ix_([6, 18], [6, 18])
+        study.K[ARM][rows] += rate * np.array([[1, -1], [-1, 1]])
+        card = f"CBUSH,50,50,2,4,0.,1.,0.\nPBUSH,50,K,{stated}\n"
+        deck = Path(f"{ARM}.bdf")
+        study.after.append(lambda folder: _into_deck(folder / deck, card))
+
+    return change
+
+
+def _into_deck(deck: Path, cards: str) -> None:
+    deck.write_text(deck.read_text().replace("ENDDATA", f"{cards}ENDDATA"))
+
+
+def _stress(study: Study) -> np.ndarray:
+    """Stiffness of the arm's bars across themselves by a tension of 100 N."""
+    found, xyz = np.zeros_like(study.K[ARM]), study.xyz[ARM]
+    for k in range(len(xyz) - 1):
+        along = xyz[k + 1] - xyz[k]
+        length = float(np.linalg.norm(along))
+        across = 100 / length * (np.eye(3) - np.outer(along, along) / length**2)
+        for i, j, sign in ((k, k, 1), (k + 1, k + 1, 1), (k, k + 1, -1), (k + 1, k, -1)):
+            found[6 * i : 6 * i + 3, 6 * j : 6 * j + 3] += sign * across
+    return found
+
+
+def _parameter(letter: str, matrix: Callable[[Study], np.ndarray]) -> Change:
+    """A parameter from 0 to 1 that adds a matrix to one of the arm."""
+
+    def change(study: Study) -> None:
+        A = sp.csc_array(matrix(study))
+        study.keys["scene"]["parameters"] = {"p": {"values": [0, 1], letter: {ARM: "P.npz"}}}
+        study.after.append(lambda folder: sp.save_npz(folder / "P.npz", A))
+
+    return change
+
+
 ROWS: tuple[Row, ...] = (
     # Rows and columns.
     Row("two nodes exchanged in K", "row order", _reordered("K", ARM, lambda n: _swapped(n, _nodes(2, 4)))),
@@ -328,6 +381,8 @@ ROWS: tuple[Row, ...] = (
     Row("units of the body said to be mm, t", "joints: interfaces apart", _keys("components", ARM, "units", "mm-t-s")),
     Row("K x 1000, deck", DECK, _scaled("K", 1000.0), deck=True),
     Row("K x 1000, grids alone", DECK, _scaled("K", 1000.0), unseen=NO_DECK),
+    Row("K x 1000, deck with a beam that is not counted", DECK, _both(_scaled("K", 1000.0), _offset_beam), deck=True),
+    Row("rate of a bush a hundred times, deck", DECK, _bush(1e8, 1e6), deck=True),
     Row("K / 1000, deck", DECK, _scaled("K", 1e-3), deck=True),
     Row("K x 25.4, deck", DECK, _scaled("K", 25.4), deck=True),
     Row("M x 1000, deck", DECK, _scaled("M", 1000.0), deck=True),
@@ -455,6 +510,15 @@ ROWS: tuple[Row, ...] = (
         unseen="the scene is another sound scene; compare the picture",
     ),
     Row("angle without a unit", "grammar", _keys("scene", "articulation", {"hinge": [0, 50]})),
+    Row("stress of a parameter given as mass", "parameters", _parameter("mass", _stress)),
+    Row("stiffness as damping of a parameter", "parameters", _parameter("damping", lambda study: study.K[ARM])),
+    Row("mass of a parameter of the other sign", "parameters", _parameter("mass", lambda study: -3 * study.M[ARM])),
+    Row(
+        "stiffness with a parameter for the difference",
+        "parameters",
+        _parameter("stiffness", lambda study: study.K[ARM] + _stress(study)),
+        unseen="a body may be twice as stiff with a parameter; a note says that the matrix holds that of the body",
+    ),
     Row("angle of a locked motion", "scene", _keys("scene", "articulation", {"hinge.rz": ["10 deg"]})),
     Row("sensors missing", "limits not measured", _keys("scene", "sensors", None)),
     Row("actuators missing", "limits not measured", _keys("scene", "actuators", None)),
