@@ -86,6 +86,8 @@ class StatedMass(NamedTuple):
         Mass matrix of the point masses at each node, with their offsets and inertias, along basic axes.
     turning : (N, 2) float64, optional
         Most that other elements add to its coupling of translations with rotations, and to its inertia.
+    uneven : (N, 6, 6) float64, optional
+        Masses at each node that differ by direction, as water around a hull, along basic axes. Nothing else has them.
     """
 
     mass: float
@@ -99,6 +101,7 @@ class StatedMass(NamedTuple):
     nodal_if_lumped: bool = True
     points: Array | None = None
     turning: Array | None = None
+    uneven: Array | None = None
 
 
 class StatedPlates(NamedTuple):

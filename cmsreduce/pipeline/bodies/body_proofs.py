@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -209,6 +209,18 @@ def _mass(
         refuted = f"{negative} motions have negative energy" if negative else ""
         why = order.remark if order.status == "scalar" else "without coordinates its mass and inertia are unknown"
         return [], Proof("mass", "refuted" if negative else "unproven", remark=refuted or why)
+    whole, apart = tied, ""
+    if stated is not None and stated.uneven is not None:
+        # The mass of the rest is the same in all directions.
+        rest = without_points(body, stated.uneven)
+        own, least = body.M.diagonal(), rest.diagonal()
+        at = int((least / np.where(own > 0, own, np.inf)).argmin())
+        if least[at] < -(limit := max(_DEFINITE, _DIGITS * body.rounding)) * own[at]:
+            name, label = "masses that differ by direction, against the deck", body.dofs.labels[at]
+            check = Finding(name, float(-least[at] / own[at]), limit, f"more than the matrix has at {label}")
+            return [check], Proof("mass", "refuted", remark=f"{name}: {check.note}")
+        body = tied = replace(body, M=rest)
+        apart = "; masses of the deck that differ by direction were taken out before"
     checks = _one_mass(tied)
     wrong = f"{negative} motions have negative energy" if negative else ""
     ordered, evidence = order.status == "proven", order.remark
@@ -220,7 +232,7 @@ def _mass(
             ordered, evidence = True, by_deck
     # Masses beside their grids, once they are found as stated, would hide the moments of the rest.
     stated_points = stated is not None and any(check.name.startswith("inertia of each") for check in checks)
-    rest = without_points(body, stated) if stated is not None and stated_points else body.M
+    rest = without_points(body, stated.points) if stated is not None and stated_points else body.M
     toward = moments_toward_neighbours(body, rest) if ordered else None
     if toward is not None and toward.as_given < max(_TOWARD, toward.best - _BETTER):
         ordered = False
@@ -243,7 +255,7 @@ def _mass(
         )
         return checks, Proof("mass", "refuted", remark=said)
     digits = -math.log10(max(_MASS_ALIKE, _MASS_FACTOR * body.rounding))
-    compare = f"compare {density and f'{density}, '}{_figures(tied)}"
+    compare = f"compare {density and f'{density}, '}{_figures(whole)}"
     if not ordered:
         return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; {compare}")
     if negative is None:
@@ -253,7 +265,7 @@ def _mass(
     deck += "" if amount else f"; no deck states its amount, which is not proven: {compare}"
     if not any("same mass" in check.name for check in checks):
         deck += "; the body is held, so that its masses along x, y, z are not compared"
-    return checks, Proof("mass", "proven", digits, f"{evidence}{deck}", only="" if amount else "order")
+    return checks, Proof("mass", "proven", digits, f"{evidence}{deck}{apart}", only="" if amount else "order")
 
 
 def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrder) -> tuple[list[Finding], str]:

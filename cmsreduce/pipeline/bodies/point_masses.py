@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, Finding
 from cmsreduce.pipeline.bodies.deck_agreement import masses_move, row_directions
@@ -65,14 +66,17 @@ def points_against_deck(body: FEModel, stated: StatedMass) -> Finding | None:
     return Finding("inertia of each point mass against the deck", float(off.max()), _SAME, note)
 
 
-def without_points(body: FEModel, stated: StatedMass) -> sp.csc_array:
-    """Mass matrix without the point masses of the deck, which say nothing about the order of the rest."""
-    if stated.points is None or not stated.points.any():
+def without_points(body: FEModel, points: NDArray[np.float64] | None) -> sp.csc_array:
+    """Mass matrix without masses (N, 6, 6) of the deck at single nodes, along basic axes.
+
+    Point masses say nothing about the order of the rest, and masses that differ by direction are not those of a body.
+    """
+    if points is None or not points.any():
         return body.M
     assert body.nodes is not None
     rows = np.flatnonzero((body.dofs.component > 0) & (body.nodes.index(body.dofs.node) >= 0))
     at = np.arange(len(body.nodes))
-    blocks = sp.bsr_array((stated.points, at, np.append(at, at.size)), shape=(6 * at.size, 6 * at.size))
+    blocks = sp.bsr_array((points, at, np.append(at, at.size)), shape=(6 * at.size, 6 * at.size))
     E = row_directions(body, rows)
     masses = sp.coo_array(E @ sp.csr_array(blocks) @ E.T)
     more = sp.coo_array((masses.data, (rows[masses.row], rows[masses.col])), shape=body.M.shape)

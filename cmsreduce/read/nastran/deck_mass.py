@@ -21,7 +21,7 @@ from cmsreduce.read.nastran.deck_elements import (
     node_index,
     stated_elements,
 )
-from cmsreduce.read.nastran.deck_points import offset_of, point_blocks, turning_mass
+from cmsreduce.read.nastran.deck_points import even_inertia, offset_of, point_blocks, turning_mass, uneven_masses
 from cmsreduce.read.stated import MassPart, NotCountedError, StatedMass, as_inertia, outer, point_mass, sum_of_masses
 
 __all__ = ["deck_mass", "grid_masses", "mass_of", "solid_volumes"]
@@ -29,13 +29,11 @@ __all__ = ["deck_mass", "grid_masses", "mass_of", "solid_volumes"]
 Array = NDArray[np.float64]
 
 # The mass of a deck that has any of these is unknown.
-_OTHERS = (*UNCOUNTED, *LAYERED, "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1")
+_OTHERS = (*UNCOUNTED, *LAYERED, "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1")
 # Of the size of an element: corners printed with five digits.
 _EVEN = 1e-4
 # Of the size of an element: what the edges of a parallelepiped differ by. The error of two points is its square.
 _PARALLEL = 1e-6
-# Of a CONM1: masses printed with seven digits.
-_ONE_MASS = 1e-6
 
 _HEXAHEDRON = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
 # Triangles of three corners of a quadrilateral.
@@ -65,8 +63,8 @@ def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
     StatedMass or None
         None if the file is no deck, states no mass, or has elements that are not counted: plates in layers or with an
         offset or a thickness of their own, skew plates and solids (their centre depends on the lumping of mass),
-        elements with nodes between corners, scalar masses (CMASS has no place), tapered sections or ones of other
-        shapes than BAR, BOX, ROD and TUBE, pyramids, a CONM1 that is no point mass.
+        elements with nodes between corners, scalar masses beside those at one grid, tapered sections or ones of other
+        shapes than BAR, BOX, ROD and TUBE, pyramids.
     """
     return mass_of(stated_elements(path, nodes))
 
@@ -78,6 +76,7 @@ def mass_of(elements: Elements | None) -> StatedMass | None:
     cards, nodes = elements.cards, elements.nodes
     try:
         parts = [*_bars(elements), *_plates(elements), *_solids(elements), *_points(elements)]
+        uneven = uneven_masses(elements)
     except (ReadError, NotCountedError):
         return None
     scale = _weight_factor(cards)
@@ -87,7 +86,7 @@ def mass_of(elements: Elements | None) -> StatedMass | None:
     points, unknown = point_blocks(elements)
     turning = scale * turning_mass(elements)
     turning[unknown] = np.inf
-    return stated._replace(points=scale * points, turning=turning)
+    return stated._replace(points=scale * points, turning=turning, uneven=None if uneven is None else scale * uneven)
 
 
 def grid_masses(path: Path, nodes: Nodes) -> Array | None:
@@ -108,7 +107,7 @@ def grid_masses(path: Path, nodes: Nodes) -> Array | None:
     """
     elements = stated_elements(path, nodes)
     stated = mass_of(elements)
-    if elements is None or stated is None:
+    if elements is None or stated is None or stated.uneven is not None:
         return None
     cards = elements.cards
     scale = _weight_factor(cards)
@@ -161,15 +160,10 @@ def _points(elements: Elements) -> Iterator[MassPart]:
         own[np.tril_indices(3)] = [card.real(k) for k in range(8, 14)]
         yield point_mass(at, card.real(3), place, float(abs(own).sum()))
     for card in cards.get("CONM1", ()):
-        # EID, G, CID, then the lower triangle M11 M21 M22 M31 .. M66; a point mass is equal in all directions.
-        triangle = np.zeros((6, 6))
-        triangle[np.tril_indices(6)] = [card.real(3 + k) for k in range(21)]
-        mass = float(triangle[0, 0])
-        translation, coupling = triangle[:3, :3], triangle[3:, :3]
-        if abs(translation - mass * np.eye(3)).max() > _ONE_MASS * abs(mass) or coupling.any():
-            raise NotCountedError
-        at = node_index(nodes, card.integer(1))
-        yield point_mass(at, mass, nodes.xyz[at], float(abs(triangle[3:, 3:]).sum()))
+        # Masses that differ by direction are stated apart.
+        if (inertia := even_inertia(card)) is not None:
+            at = node_index(nodes, card.integer(1))
+            yield point_mass(at, card.real(3), nodes.xyz[at], inertia)
 
 
 def _plates(elements: Elements) -> Iterator[MassPart]:

@@ -10,12 +10,14 @@ from cmsreduce.read.nastran.cards import Card
 from cmsreduce.read.nastran.deck_elements import Elements, node_index
 from cmsreduce.read.stated import NotCountedError
 
-__all__ = ["offset_of", "point_blocks", "turning_mass"]
+__all__ = ["even_inertia", "offset_of", "point_blocks", "turning_mass", "uneven_masses"]
 
 Array = NDArray[np.float64]
 
 AT_POINT = -1
 """Frame of a CONM2 whose offset is a place in basic."""
+# Of a CONM1: masses printed with seven digits.
+_ONE_MASS = 1e-6
 # Most that bars and plates add at one end, of its mass and their length: 22/210 to the coupling of translations and
 # rotations where they are consistent, 1/12 to the inertia where half their own is lumped; plates some times more.
 _COUPLED, _TURNED = {2: 0.11, 3: 0.5, 4: 0.5}, {2: 0.09, 3: 0.2, 4: 0.2}
@@ -38,6 +40,62 @@ def offset_of(card: Card, elements: Elements) -> tuple[Array, Array]:
     return np.asarray(offset @ system.axes), system.axes
 
 
+def uneven_masses(elements: Elements) -> Array | None:
+    """Masses (N, 6, 6) along basic axes that differ by direction: of CMASS1 and CMASS2 at one grid, and of CONM1.
+
+    Without the factor of weights; None if there are none.
+
+    Raises
+    ------
+    NotCountedError
+        If such a mass joins two points or a scalar one, or has axes that are not those of a rectangular system.
+    """
+    cards, nodes = elements.cards, elements.nodes
+    found = np.zeros((len(nodes), 6, 6))
+    for card in cards.get("CONM1", ()):
+        if (block := _whole_block(card)) is not None:
+            system = elements.system(card.integer(2, 0), card.where)
+            if system.kind != "rectangular":
+                raise NotCountedError
+            axes = np.kron(np.eye(2), system.axes)
+            found[node_index(nodes, card.integer(1))] += axes.T @ block @ axes
+    # Up to four pairs of a number and a mass.
+    pairs = [(card, k) for card in cards.get("PMASS", ()) for k in range(0, len(card.fields), 2)]
+    masses = {card.integer(k): card.real(k + 1) for card, k in pairs if card.text(k)}
+    for name in ("CMASS1", "CMASS2"):
+        for card in cards.get(name, ()):
+            ends = [(card.integer(k), card.integer(k + 1, 0)) for k in (2, 4) if card.integer(k, 0)]
+            number = card.integer(1, card.integer(0)) if name == "CMASS1" else None
+            if len(ends) != 1 or not ends[0][1] or (number is not None and number not in masses):
+                raise NotCountedError
+            at, component = node_index(nodes, ends[0][0]), ends[0][1] - 1
+            along = np.zeros(6)
+            first = 3 * (component // 3)
+            along[first : first + 3] = nodes.frame[at, component % 3]
+            found[at] += (card.real(1) if number is None else masses[number]) * np.outer(along, along)
+    return found if found.any() else None
+
+
+def _whole_block(card: Card) -> Array | None:
+    """Matrix (6, 6) of a CONM1 whose masses differ by direction, or that couples translations with rotations."""
+    # EID, G, CID, then the lower triangle M11 M21 M22 M31 .. M66; a point mass is equal in all directions.
+    block = np.zeros((6, 6))
+    block[np.tril_indices(6)] = [card.real(3 + k) for k in range(21)]
+    block = block + np.tril(block, -1).T
+    mass = float(block[0, 0])
+    even = abs(block[:3, :3] - mass * np.eye(3)).max() <= _ONE_MASS * abs(mass)
+    return None if even and not block[3:, :3].any() else block
+
+
+def even_inertia(card: Card) -> float | None:
+    """Size of the inertia of a CONM1 that is a point mass; None of another one."""
+    if _whole_block(card) is not None:
+        return None
+    triangle = np.zeros((6, 6))
+    triangle[np.tril_indices(6)] = [card.real(3 + k) for k in range(21)]
+    return float(abs(triangle[3:, 3:]).sum())
+
+
 def point_blocks(elements: Elements) -> tuple[Array, NDArray[np.bool_]]:
     """Mass matrices (N, 6, 6) of the masses CONM2 at each grid along basic axes, without the factor of weights.
 
@@ -47,6 +105,8 @@ def point_blocks(elements: Elements) -> tuple[Array, NDArray[np.bool_]]:
     found, unknown = np.zeros((len(nodes), 6, 6)), np.zeros(len(nodes), dtype=bool)
     for card in cards.get("CONM1", ()):
         # M11 M21 M22 M31 .. M66: a point mass has nothing in its last three rows.
+        if _whole_block(card) is not None:
+            continue
         at = node_index(nodes, card.integer(1))
         found[at, range(3), range(3)] += card.real(3)
         unknown[at] |= any(card.real(k) for k in range(9, 24))

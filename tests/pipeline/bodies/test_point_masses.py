@@ -103,3 +103,37 @@ def test_inertias_and_offsets_of_other_masses(tmp_path: Path, wrong: list, nodes
     (check,) = (check for check in failed if check.name == CHECK)
     assert set(check.note.removeprefix("at node ").split(", ")) == set(nodes.split(", "))
     assert not any(check.name in ("mass against the deck", "centre of mass against the deck") for check in failed)
+
+
+WATER = np.diag([1.0, 2.5, 6.0, 0.02, 0.05, 0.01])
+
+
+@pytest.mark.parametrize(
+    ("made", "state"),
+    [
+        (["CONM1,95,5,,1.,0.,2.5,0.,0.", ",6.,0.,0.,0.,.02", ",0.,.05,0.,0.,0.,0.,0.,.01"], "proven"),
+        (["PMASS,9,6.,8,2.5", "CMASS1,1003,9,5,3", "CMASS1,1002,8,5,2", "CMASS2,1001,1.,,,5,1"], "proven"),
+        (["CONM1,95,5,,1.,0.,6.,0.,0.", ",2.5,0.,0.,0.,.02", ",0.,.05,0.,0.,0.,0.,0.,.01"], "refuted"),
+        (["CMASS2,1001,1.,5,1", "CMASS2,1002,2.5,5,2"], "refuted"),
+        (["PMASS,9,6.", "CMASS1,1003,9,5,3,1,3"], "refuted"),
+    ],
+    ids=["CONM1", "CMASS", "axes exchanged", "one left out", "two points"],
+)
+def test_masses_that_differ_by_direction_are_those_of_the_deck(tmp_path: Path, made: list[str], state: str) -> None:
+    """As water around a hull: the mass of the body is another one along each axis, which no mass alone has."""
+    if made[0].startswith("PMASS") and state == "proven":
+        made = [*made, *(f"CMASS2,{1010 + c},{WATER[c - 1, c - 1]},5,{c}" for c in (4, 5, 6))]
+    at = slice(24, 30)
+    M = BODY.M.toarray()
+    M[at, at] += WATER
+    pipeline = load_pipeline(
+        write_deck_body(tmp_path, replace(BODY, M=sp.csc_array(M)), [*bar_cards(BARS, XYZ), *made])
+    )
+    found = read_flexible(pipeline, "part", build_scene(pipeline))
+    proof = next(proof for proof in found.proofs if proof.what == "mass")
+    assert proof.state == state, proof
+    amount = [check for check in found.checks if check.name == "mass against the deck"]
+    if state == "proven":
+        assert "taken out" in proof.remark and not proof.only and amount[0].passed
+    else:
+        assert any(not check.passed for check in found.checks)
