@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.model import SCALAR, FEModel, Nodes
+from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes
 from cmsreduce.read.row_order.held_body import held_rows
 from cmsreduce.read.row_order.likely_cause import (
     Failure,
@@ -24,6 +24,7 @@ __all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
 
 _NAMED = 5
 _ALL_MOTIONS = 6
+_TRANSLATIONS = 3
 # The order of a held body counts as proven if the ground leaves at least this share of its nodes without force.
 _FREE_SHARE = 0.5
 
@@ -92,9 +93,10 @@ _PROVEN: WeakKeyDictionary[FEModel, RowOrderProof] = WeakKeyDictionary()
 def prove_row_order(body: FEModel) -> RowOrderProof:
     """Prove that the rows are in order: K times the rigid motions of the geometry must vanish.
 
-    Only motions that leave the constrained dofs at rest are tried. If the ground holds the body, the forces are judged
-    node by node (`held_rows`). The tolerance of each row follows from the rounding of the matrix file, of the printed
-    coordinates and of double precision arithmetic, and from noise that is spread over the whole body.
+    Only motions that leave the constrained dofs at rest are tried; rotations of nodes without rotations among the rows
+    hold nothing. If the ground holds the body, the forces are judged node by node (`held_rows`). The tolerance of each
+    row follows from the rounding of the matrix file, of the printed coordinates and of double precision arithmetic, and
+    from noise that is spread over the whole body.
 
     Parameters
     ----------
@@ -138,7 +140,14 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
     if body.nodes is None:
         return RowOrderProof("no geometry", remark="without coordinates the row order cannot be proven")
     condensed = is_condensed(body)
-    found = rigid_residual(body.K, body.dofs, body.nodes, body.constrained, body.rounding, condensed, body.noise)
+    held = _without_idle_turns(body)
+    found = rigid_residual(body.K, body.dofs, body.nodes, held, body.rounding, condensed, body.noise)
+    if held is not body.constrained and not found.vanishes:
+        loaded, _ = _loaded_nodes(body, found)
+        free = found
+        found = rigid_residual(body.K, body.dofs, body.nodes, body.constrained, body.rounding, condensed, body.noise)
+        if found.vanishes and found.motions.size and not abs(found.motions[_TRANSLATIONS:]).any():
+            return _turns_alone(body, Failure(body, body.nodes, free, condensed, loaded))
     motions = found.motions.shape[1]
     if motions == 0 or (body.grounded and not found.vanishes):
         return _held_proof(body, body.nodes, condensed)
@@ -159,6 +168,37 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
         raise DofMapError(f"body '{body.name}': {mistaken}")
     head = _not_proven(body, nodes, share, float(found.allowed[row]))
     raise DofMapError(f"{head}. Likely cause: {likely_cause(failure)}")
+
+
+def _without_idle_turns(body: FEModel) -> DofTable | None:
+    """Constraints without the rotations of nodes that have no rotations among the rows, as decks hold those of solids.
+
+    Nothing turns such a node, so that holding it holds no motion of the body.
+    """
+    held = body.constrained
+    if held is None or not (held.component > _TRANSLATIONS).any():
+        return held
+    turned = np.unique(body.dofs.node[body.dofs.component > _TRANSLATIONS])
+    kept = (held.component <= _TRANSLATIONS) | np.isin(held.node, turned)
+    if kept.all():
+        return held
+    return held[kept] if kept.any() else None
+
+
+def _turns_alone(body: FEModel, failure: Failure) -> RowOrderProof:
+    """Result where translations vanish and rotations do not, which held rotations of shells or another order explain.
+
+    Translations vanish in every order of the nodes.
+    """
+    if not body.grounded and (cause := other_order(failure)):
+        nodes, share = _loaded_nodes(body, failure.found)
+        allowed = float(failure.found.allowed[failure.found.worst])
+        raise DofMapError(f"{_not_proven(body, nodes, share, allowed)}. Likely cause: {cause}")
+    return RowOrderProof(
+        "grounded",
+        remark="single-point constraints hold rotations of nodes without such rows, and rotation of the body costs "
+        "force: they hold shells or beams, or the rows are in another order, which translations do not show",
+    )
 
 
 def _check_mass_is_no_stiffness(body: FEModel) -> None:
