@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _FIRST_PLY, _PLY = 8, 4
+# Angles, in radians, and laminates, of their largest entry, that are the same.
+_TURN, _SAME = 1e-4, 1e-9
 # Kinds of laminates whose plies all are written, or half of them.
 _WHOLE, _HALF = "", "SYM"
 
@@ -23,7 +25,8 @@ _WHOLE, _HALF = "", "SYM"
 def stated_plates(elements: Elements) -> StatedPlates | None:
     """Plates of a deck with the stiffness of each; None without plates.
 
-    A plate with a thickness at each corner, or a property that is not read here, is not flat.
+    A plate with a thickness at each corner, a property that is not read here, or an angle that programs measure from
+    different axes, is not flat.
 
     Raises
     ------
@@ -49,9 +52,9 @@ def stated_plates(elements: Elements) -> StatedPlates | None:
         unknown = np.array([each is None for each in laminates])
         filled = np.array([np.zeros((6, 6)) if each is None else each for each in laminates])
         plates = flat_plates(corners.reshape(-1, count), elements.nodes.xyz, filled[of], kinds + of)
-        # An angle from the axes of a frame turns isotropic materials into themselves.
-        turned = ~known & ~_turns_into_itself(filled)[of]
-        parts.append(plates._replace(flat=plates.flat & ~unknown[of] & ~turned & ~own))
+        # Of materials that are alike in all directions no angle matters.
+        unknown = unknown[of] | (_skew(elements.nodes.xyz[corners.reshape(-1, count)]) | ~known) & ~_alike(filled)[of]
+        parts.append(plates._replace(flat=plates.flat & ~unknown & ~own))
         kinds += len(used)
     return StatedPlates(*(np.concatenate(each) for each in zip(*parts, strict=True))) if parts else None
 
@@ -82,11 +85,26 @@ def _turned(angle: float) -> Array:
     return np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
 
 
-def _turns_into_itself(laminates: Array) -> NDArray[np.bool_]:
+def _skew(x: Array) -> NDArray[np.bool_]:
+    """True for quadrilaterals (e, 4, 3) in which programs measure the angle of a material from different axes.
+
+    They are the first edge, and the line that halves the angle of the diagonals; in a rectangle they are one.
+    """
+    if x.shape[1] == 3:
+        return np.zeros(len(x), dtype=bool)
+    edge, *diagonals = (
+        v / np.linalg.norm(v, axis=1, keepdims=True) for v in (x[:, 1] - x[:, 0], x[:, 2] - x[:, 0], x[:, 1] - x[:, 3])
+    )
+    middle = diagonals[0] + diagonals[1]
+    off = np.linalg.norm(np.cross(edge, middle), axis=1)
+    return np.asarray(off > _TURN * np.linalg.norm(middle, axis=1))
+
+
+def _alike(laminates: Array) -> NDArray[np.bool_]:
     """True for laminates (k, 6, 6) that are the same about every axis."""
     R = np.kron(np.eye(2), _turned(0.7))
     off = abs(R.T @ laminates @ R - laminates).max(axis=(1, 2))
-    return np.asarray(off <= 1e-9 * abs(laminates).max(axis=(1, 2)))
+    return np.asarray(off <= _SAME * abs(laminates).max(axis=(1, 2)))
 
 
 def _shell(card: Card, elements: Elements) -> Array:
