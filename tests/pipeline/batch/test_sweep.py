@@ -34,6 +34,8 @@ from tests.pipeline.test_reuse import untimed
 ONE_ANGLE = "scene.articulation={hinge: [50 deg]}"
 METHODS = "reduce.method=craig-bampton,macneal-rubin"
 OVER = [METHODS, "balance.keep={modes: 4},{modes: 999},all", "reduce.cutoff=10,15", ONE_ANGLE]
+# For what happens to processes, as many points as are under way with two of them, and as many to come.
+FEW = [METHODS, "reduce.cutoff=10,15", ONE_ANGLE]
 TIMES = ("reduce_s", "full_frf_s", "reduced_frf_s", "point_s")
 
 
@@ -46,6 +48,12 @@ def found(result: SweepResult) -> list[dict[str, object]]:
 def swept(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[SweepResult, Path]:
     """The study swept in this process."""
     return sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path_factory.mktemp("swept"))
+
+
+@pytest.fixture(scope="module")
+def few(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> SweepResult:
+    """A few of these points, swept in this process."""
+    return sweep(good_study / "study.yaml", sweep_axes(FEW), (), tmp_path_factory.mktemp("few"))[0]
 
 
 def test_each_point_is_a_run(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
@@ -145,16 +153,16 @@ def test_processes_that_outlive_a_sweep_read_its_files_anew(
 
 
 def test_what_needs_more_than_its_share_of_the_memory_is_run_alone(
-    swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path, inline: Callable[..., list[int]]
+    few: SweepResult, good_study: Path, tmp_path: Path, inline: Callable[..., list[int]]
 ) -> None:
     # No factor fits into one byte.
     sizes = inline(1.0)
-    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
-    assert_close(found(result), found(swept[0]))
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(FEW), (), tmp_path, jobs=2)
+    assert_close(found(result), found(few))
     assert sizes == [2, 2, 1]
 
 
-def test_a_killed_process_loses_nothing(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
+def test_a_killed_process_loses_nothing(few: SweepResult, good_study: Path, tmp_path: Path) -> None:
     killed: list[int] = []
     # Those that other tests share live on.
     others = {child.pid for child in multiprocessing.active_children()}
@@ -169,15 +177,15 @@ def test_a_killed_process_loses_nothing(swept: tuple[SweepResult, Path], good_st
 
     killer = threading.Thread(target=kill_one, daemon=True)
     killer.start()
-    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(FEW), (), tmp_path, jobs=2)
     assert killed
-    assert_close(found(result), found(swept[0]))
+    assert_close(found(result), found(few))
 
 
 def test_the_processes_of_a_killed_sweep_end_and_the_next_one_goes_on(
-    swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path
+    few: SweepResult, good_study: Path, tmp_path: Path
 ) -> None:
-    over = [word for text in OVER for word in ("--over", text)]
+    over = [word for text in FEW for word in ("--over", text)]
     program = [sys.executable, "-m", "cmsreduce.cli", "sweep", str(good_study / "study.yaml"), *over, "--jobs", "2"]
     with subprocess.Popen([*program, "--out", str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as killed:
         while killed.poll() is None and not any(tmp_path.glob("points/*/summary.json")):
@@ -186,8 +194,8 @@ def test_the_processes_of_a_killed_sweep_end_and_the_next_one_goes_on(
         # Its processes have inherited the pipe: it ends when they do.
         assert killed.stdout is not None and select.select([killed.stdout], [], [], 30)[0]
         assert killed.stdout.read() == b""
-    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path)
-    assert_close(found(result), found(swept[0]))
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(FEW), (), tmp_path)
+    assert_close(found(result), found(few))
 
 
 def test_a_damaged_shared_stage_is_made_again(good_study: Path, tmp_path: Path) -> None:
