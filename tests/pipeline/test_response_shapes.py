@@ -143,6 +143,9 @@ def test_two_hinges_that_turn_independently_hold_the_limit_at_any_angles(tmp_pat
     assert run.projected is not None
     span = ArticulationRange(run.scene)
     assert len(span.axes) == 2 and len(run.projected.record.between) > 8
+    # With the first hinge straight, a motor moves nothing in the other plane; beside it, it does.
+    beside = [name for name in run.projected.record.configurations if name.startswith("first.ry=0.045 ")]
+    assert [name.split("=")[-1] for name in beside] == ["-60"]
     for each in span.random(6, 7):
         found = run.model.assembled.resonances(each)
         w = frequency_grids.frequency_grid(run.scene.band, 200, found.omega, found.zeta)

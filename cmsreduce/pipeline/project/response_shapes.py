@@ -35,6 +35,9 @@ _USUAL_ERROR = 0.01
 _FIRST = 12
 # Configurations between those of the scene that it starts with, if the whole range counts.
 _FIRST_BETWEEN = 16
+# Channels that symmetry silences are faint beside it, and their decibels count. At most so many neighbours, at this
+# share of the range, are among the first configurations: shapes optimised without them seldom hold there.
+_BESIDE, _FIRST_BESIDE = 5e-4, 6
 # Configurations of the range looked at together, for each motion that articulates, and at most.
 _LOOKED_AT, _MOST_LOOKED_AT = 32, 64
 # So many configurations that no decision was made with must hold a share of the limits (`HELD`) at the end: with 95 %
@@ -120,7 +123,7 @@ class ResponseShapes:
         self._seen = 0
         if covers:
             self._seen = max(_FIRST - len(self.chosen), _FIRST_BETWEEN)
-            self.chosen += self._span.points(self._seen)
+            self.chosen += [*self._beside_silence(), *self._span.points(self._seen)]
         self._search = ShapeSearch(
             self.sampled.responses(self.chosen),
             self.limits,
@@ -129,6 +132,16 @@ class ResponseShapes:
             # Other configurations need room: what takes longest gains least there.
             thorough=not covers,
         )
+
+    def _beside_silence(self) -> list[Configuration]:
+        """Neighbours of the first configurations in which more channels are heard."""
+        found: list[Configuration] = []
+        for each in self.chosen:
+            (here,) = self.sampled.responses([each]).samples
+            near = [] if here.heard.all() else self._span.around(each, _BESIDE)
+            there = self.sampled.responses(near).samples
+            found += [other for other, sample in zip(near, there, strict=True) if sample.heard.sum() > here.heard.sum()]
+        return found[:_FIRST_BESIDE]
 
     def run(self) -> Projected:
         """Find the shapes, and the bodies in them.
