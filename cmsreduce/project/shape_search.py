@@ -155,7 +155,13 @@ class ShapeSearch:
             return all_modes
         best = self.given(self.directions.counts())
         while not best.passes and best.count < self._most:
-            best = self.grown(best, max(1, best.count // 4))
+            more = max(1, best.count // 4)
+            counts = self.directions.counts(best.count + more)
+            # In haste a set that failed is left: what leads the responses needs fewer rounds than it and a few more.
+            if self._thorough or sum(counts.values()) <= best.count:
+                best = self.grown(best, more)
+            else:
+                best = self.settled(self.directions.leading(counts), _FEW_ROUNDS)
         best = self._fewer(best)
         known = modes()
         if known is not None and (not best.passes or sum(own.size for own in known.values()) < best.count):

@@ -24,6 +24,7 @@ from cmsreduce.project import (
     response_certificates,
     richer_shapes,
     shape_search,
+    shape_starts,
 )
 from cmsreduce.project.scene_shapes import decibel_misfit, misfit
 from tests.project.scene_systems import random_scene, random_shapes, whole_responses
@@ -200,6 +201,30 @@ def test_a_search_in_haste_tries_a_number_that_failed_no_second_time(monkeypatch
     monkeypatch.setattr(ShapeSearch, "_shrunk", shrunk)
     search = ShapeSearch(one_body(18)[0], ResponseLimits(0.02, np.inf), lambda _: None, thorough=thorough)
     assert search._fewer(settled(20)).count == 18 and counts == tried
+
+
+def test_a_search_in_haste_starts_afresh_where_a_number_failed(monkeypatch):
+    """From a set that failed, directions beyond it lead to the wrong valley: it grew to all modes."""
+    monkeypatch.setattr(shape_search, "_STEPS", 2)
+    monkeypatch.setattr(shape_starts, "_FIRST", 0.3)
+    scene, _ = one_body(18)
+    started = []
+    settled = ShapeSearch.settled
+
+    def judge(shapes):
+        worst = 0.5 if shapes["b"].shape[1] >= 8 else 3.0
+        return Judged(np.array([worst]), np.zeros(1), worst)
+
+    def noted(search, shapes, rounds, **options):
+        started.append(shapes["b"])
+        return settled(search, shapes, rounds, **options)
+
+    monkeypatch.setattr(ShapeSearch, "settled", noted)
+    monkeypatch.setattr(ShapeSearch, "grown", lambda *_: pytest.fail("it grew"))
+    search = ShapeSearch(scene, ResponseLimits(0.02, np.inf), judge, thorough=False)
+    assert search.smallest().count == 8
+    first = next(V for V in started if V.shape[1] == 8)
+    np.testing.assert_array_equal(first, search.directions.leading({"b": 8})["b"])
 
 
 @pytest.mark.parametrize(
