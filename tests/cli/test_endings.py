@@ -28,8 +28,8 @@ main(sys.argv[1:], prog_name="cmsreduce")
 """
 
 
-# Starts once, and forks for each call; a call ends as the program does, with what it still has to write. It looks for no
-# garbage among the libraries, which took a third of its time.
+# Starts once, and forks for each call; a call ends as the program does, with what it still has to write. It looks for
+# no garbage among the libraries, which took a third of its time.
 SEVERAL = """\
 import gc, json, os, sys
 from cmsreduce.cli import main

@@ -22,8 +22,8 @@ from cmsreduce.model import FEModel, Proof, rigid_body_shapes
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline import Run, Silent
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.pipeline.bodies.deck_agreement import energy_ratios, statement_of
 from cmsreduce.pipeline.drafts import draft_body
+from cmsreduce.pipeline.evidence.deck_agreement import energy_ratios, statement_of
 from cmsreduce.read import (
     InterfaceSpec,
     MatrixSource,

@@ -12,24 +12,23 @@ from numpy.typing import NDArray
 
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import FEModel, Finding, Proof
-from cmsreduce.pipeline.bodies.deck_agreement import (
+from cmsreduce.pipeline.evidence import (
     BOUNDED,
     EXACT,
     against_deck,
     energy_ratios,
-    ratio_in_words,
-)
-from cmsreduce.pipeline.bodies.nodal_links import links_against_deck
-from cmsreduce.pipeline.bodies.nodal_mass import (
     exchanges_hidden,
     generalised_coordinates,
+    links_against_deck,
     lumps,
     mass_order_by_deck,
     moments_toward_neighbours,
+    nodes_against_deck,
     nodes_times_deck,
+    points_against_deck,
+    ratio_in_words,
+    without_points,
 )
-from cmsreduce.pipeline.bodies.nodal_stiffness import nodes_against_deck
-from cmsreduce.pipeline.bodies.point_masses import points_against_deck, without_points
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass
 from cmsreduce.verify import (

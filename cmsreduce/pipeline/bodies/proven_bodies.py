@@ -19,11 +19,11 @@ from cmsreduce.mechanics import check_connected, hold_undetermined
 from cmsreduce.model import Failure, FEModel, Finding, Proof, Scene, in_units, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.pipeline.bodies.deck_agreement import statement_of
 from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
 from cmsreduce.pipeline.bodies.plausible_units import implausible_units, solid_material
 from cmsreduce.pipeline.bodies.scene_ports import scene_ports
 from cmsreduce.pipeline.bodies.wireframe import cells_of
+from cmsreduce.pipeline.evidence import statement_of
 from cmsreduce.read import RowOrderProof, files_read, prove_mass_order, prove_row_order, sha256_of, texts_kept
 from cmsreduce.verify import rigid_motions_proof
 

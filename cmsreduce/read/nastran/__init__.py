@@ -7,13 +7,12 @@ The proof that rows and geometry fit together belongs in `read.row_order`.
 from cmsreduce.read.nastran.bars import bars_in_units, read_bars, read_members
 from cmsreduce.read.nastran.bulk import BULK_DATA, EXTERNAL_SUPERELEMENT, SET_NAMES, BulkDeck, read_bulk
 from cmsreduce.read.nastran.cards import texts_kept
-from cmsreduce.read.nastran.deck_energy import deck_energy
-from cmsreduce.read.nastran.deck_mass import deck_mass, grid_masses
 from cmsreduce.read.nastran.dmig import DMIG
 from cmsreduce.read.nastran.op2 import OP2
 from cmsreduce.read.nastran.op2_geometry import OP2_GEOMETRY
 from cmsreduce.read.nastran.op4 import OP4
 from cmsreduce.read.nastran.rigid_elements import read_followers
+from cmsreduce.read.nastran.stated import deck_energy, deck_mass, grid_masses
 
 __all__ = [
     "BULK_DATA",

@@ -15,7 +15,6 @@ from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, DofTable, Nodes
 from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, rows_of_nodes
 from cmsreduce.read.nastran.cards import Card, CardFile, Cards, CardTable, read_cards
-from cmsreduce.read.nastran.deck_energy import deck_statement
 from cmsreduce.read.nastran.dof_sets import (
     SET_CARDS,
     Points,
@@ -28,6 +27,7 @@ from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
 from cmsreduce.read.nastran.listing import is_listing
 from cmsreduce.read.nastran.node_sets import NODE_SET_CARDS, node_sets
 from cmsreduce.read.nastran.rigid_elements import DEPENDENCE_CARDS, dependent_dofs
+from cmsreduce.read.nastran.stated import deck_statement
 from cmsreduce.read.nastran.superelements import (
     SUPERELEMENT_CARDS,
     modal_points,

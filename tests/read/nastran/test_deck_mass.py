@@ -9,7 +9,7 @@ import pytest
 
 from cmsreduce.model import Nodes
 from cmsreduce.read import deck_mass
-from cmsreduce.read.nastran.deck_mass import solid_volumes
+from cmsreduce.read.nastran.stated.mass import solid_volumes
 
 # A bent line, and the corners of a block of 2 x 1 x 3 with a corner aside.
 BLOCK = [[x, y, z] for z in (0.0, 3.0) for x, y in ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))]

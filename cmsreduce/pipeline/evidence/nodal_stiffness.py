@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.model import FEModel, Finding
-from cmsreduce.pipeline.bodies.deck_agreement import (
+from cmsreduce.pipeline.evidence.deck_agreement import (
     EXACT,
     Differences,
     known_dofs,
@@ -18,8 +18,8 @@ from cmsreduce.pipeline.bodies.deck_agreement import (
     row_directions,
     uniform_strains,
 )
-from cmsreduce.pipeline.bodies.nodal_mass import away_from_supports
-from cmsreduce.pipeline.bodies.nodal_plates import of_plates
+from cmsreduce.pipeline.evidence.nodal_mass import away_from_supports
+from cmsreduce.pipeline.evidence.nodal_plates import of_plates
 from cmsreduce.read import STRAINS, StatedNodes
 
 __all__ = ["NodesAgainstDeck", "nodes_against_deck"]

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cmsreduce.model import FEModel, Nodes
-from cmsreduce.pipeline.bodies.deck_agreement import EXACT, Differences
-from cmsreduce.pipeline.bodies.node_blocks import AT_ONCE, node_products, stiffness_by_node, sum_by_number
-from cmsreduce.pipeline.bodies.plate_fields import PlateFields, fields_of_plates, uneven_plates, unit
+from cmsreduce.pipeline.evidence.deck_agreement import EXACT, Differences
+from cmsreduce.pipeline.evidence.node_blocks import AT_ONCE, node_products, stiffness_by_node, sum_by_number
+from cmsreduce.pipeline.evidence.plate_fields import PlateFields, fields_of_plates, uneven_plates, unit
 from cmsreduce.read import SAME_PLACE, StatedNodes, StatedPlates
 
 __all__ = ["of_plates"]

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, Finding, cross_matrix
-from cmsreduce.pipeline.bodies.deck_agreement import EXACT, known_dofs, ratio_in_words
+from cmsreduce.pipeline.evidence.deck_agreement import EXACT, known_dofs, ratio_in_words
 from cmsreduce.read import StatedNodes
 
 __all__ = ["links_against_deck"]

@@ -12,16 +12,10 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import Cards
-from cmsreduce.read.nastran.deck_elements import (
-    LAYERED,
-    UNCOUNTED,
-    Elements,
-    Faces,
-    Material,
-    node_index,
-    stated_elements,
-)
-from cmsreduce.read.nastran.deck_points import even_inertia, offset_of, point_blocks, turning_mass, uneven_masses
+from cmsreduce.read.nastran.stated.elements import LAYERED, UNCOUNTED, Elements, node_index, stated_elements
+from cmsreduce.read.nastran.stated.faces import Faces
+from cmsreduce.read.nastran.stated.materials import Material
+from cmsreduce.read.nastran.stated.points import even_inertia, offset_of, point_blocks, turning_mass, uneven_masses
 from cmsreduce.read.stated import MassPart, NotCountedError, StatedMass, as_inertia, outer, point_mass, sum_of_masses
 
 __all__ = ["deck_mass", "grid_masses", "mass_of", "solid_volumes"]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import cross_matrix
 from cmsreduce.read.nastran.cards import Card
-from cmsreduce.read.nastran.deck_elements import Elements, node_index
+from cmsreduce.read.nastran.stated.elements import Elements, node_index
 from cmsreduce.read.stated import NotCountedError
 
 __all__ = ["even_inertia", "offset_of", "point_blocks", "turning_mass", "uneven_masses"]

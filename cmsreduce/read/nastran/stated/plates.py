@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.read.nastran.cards import INTEGER, NO_CARDS, Card, CardTable
-from cmsreduce.read.nastran.deck_elements import PLATES, Elements, isotropic, properties_of
+from cmsreduce.read.nastran.stated.elements import Elements
+from cmsreduce.read.nastran.stated.faces import PLATES, properties_of
+from cmsreduce.read.nastran.stated.materials import isotropic
 from cmsreduce.read.stated import NotCountedError, StatedPlates
 from cmsreduce.read.stated_nodes import flat_plates
 

@@ -14,20 +14,11 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import Card, Cards
-from cmsreduce.read.nastran.deck_elements import (
-    LAYERED,
-    UNCOUNTED,
-    Bar,
-    Elements,
-    Faces,
-    Material,
-    are_isotropic,
-    isotropic,
-    lame_of,
-    stated_elements,
-)
-from cmsreduce.read.nastran.deck_mass import mass_of, solid_volumes
-from cmsreduce.read.nastran.deck_nodes import nodes_of
+from cmsreduce.read.nastran.stated.elements import LAYERED, UNCOUNTED, Bar, Elements, stated_elements
+from cmsreduce.read.nastran.stated.faces import Faces, are_isotropic
+from cmsreduce.read.nastran.stated.mass import mass_of, solid_volumes
+from cmsreduce.read.nastran.stated.materials import Material, isotropic, lame_of
+from cmsreduce.read.nastran.stated.nodes import nodes_of
 from cmsreduce.read.stated import (
     SAME_PLACE,
     STRAINS,

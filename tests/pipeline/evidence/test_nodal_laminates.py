@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.pipeline.bodies.test_nodal_plates import BY_NODE, KINDS, NU, E, Mesh, mesh, plane, tapered_box
-from tests.pipeline.bodies.test_nodal_stiffness import stiffness
+from tests.pipeline.evidence.test_nodal_plates import BY_NODE, KINDS, NU, E, Mesh, mesh, plane, tapered_box
+from tests.pipeline.evidence.test_nodal_stiffness import stiffness
 from tests.plates import isotropic_laminate, plate_body
 
 E1, E2, NU12, G12 = 140e9, 9e9, 0.3, 5e9

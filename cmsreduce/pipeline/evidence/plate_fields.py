@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, Nodes
-from cmsreduce.pipeline.bodies.deck_agreement import known_dofs
+from cmsreduce.pipeline.evidence.deck_agreement import known_dofs
 from cmsreduce.read import SAME_PLACE, StatedPlates
 
 __all__ = ["Corners", "PlateFields", "fields_of_plates", "uneven_plates", "unit"]

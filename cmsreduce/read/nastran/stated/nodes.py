@@ -14,9 +14,11 @@ from cmsreduce.model import Members, Nodes, cross_matrix
 from cmsreduce.read.isoparametric import SOLIDS, are_affine, slope_integrals
 from cmsreduce.read.nastran.bars import orientation_of, released_at
 from cmsreduce.read.nastran.cards import Card, CardTable
-from cmsreduce.read.nastran.deck_bushes import stated_bushes
-from cmsreduce.read.nastran.deck_elements import UNKNOWN, Bar, Elements, Faces, are_isotropic, isotropic, lame_of
-from cmsreduce.read.nastran.deck_plates import stated_plates
+from cmsreduce.read.nastran.stated.bushes import stated_bushes
+from cmsreduce.read.nastran.stated.elements import UNKNOWN, Bar, Elements
+from cmsreduce.read.nastran.stated.faces import Faces, are_isotropic
+from cmsreduce.read.nastran.stated.materials import isotropic, lame_of
+from cmsreduce.read.nastran.stated.plates import stated_plates
 from cmsreduce.read.stated import SAME_PLACE, NotCountedError, StatedNodes
 from cmsreduce.read.stated_links import sole_links
 from cmsreduce.read.stated_nodes import SolidForces, solid_forces, sum_at_nodes

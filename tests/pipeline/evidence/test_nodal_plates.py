@@ -13,11 +13,11 @@ import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from cmsreduce.model import FEModel, Nodes, cross_matrix
-from cmsreduce.pipeline.bodies.deck_agreement import statement_of
-from cmsreduce.pipeline.bodies.nodal_stiffness import nodes_against_deck
+from cmsreduce.pipeline.evidence.deck_agreement import statement_of
+from cmsreduce.pipeline.evidence.nodal_stiffness import nodes_against_deck
 from tests.frames import BAR, beam_matrices
 from tests.pipeline.bodies.decks import write_deck_body
-from tests.pipeline.bodies.test_nodal_stiffness import BY_NODE, stiffness
+from tests.pipeline.evidence.test_nodal_stiffness import BY_NODE, stiffness
 from tests.plates import isotropic_laminate, plate_body
 
 E, NU = 7e10, 0.3

@@ -9,7 +9,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import cross_matrix
 from cmsreduce.read.nastran.bars import orientation_of
 from cmsreduce.read.nastran.cards import Card
-from cmsreduce.read.nastran.deck_elements import Elements
+from cmsreduce.read.nastran.stated.elements import Elements
 from cmsreduce.read.stated import SAME_PLACE, NotCountedError
 
 __all__ = ["stated_bushes"]

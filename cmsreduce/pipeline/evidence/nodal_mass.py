@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.model import SCALAR, FEModel, Finding, cross_matrix, rigid_body_shapes
-from cmsreduce.pipeline.bodies.deck_agreement import masses_move
+from cmsreduce.pipeline.evidence.deck_agreement import masses_move
 
 __all__ = [
     "MomentsToward",

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, Finding
-from cmsreduce.pipeline.bodies.deck_agreement import masses_move, row_directions
+from cmsreduce.pipeline.evidence.deck_agreement import masses_move, row_directions
 from cmsreduce.read import StatedMass
 
 __all__ = ["points_against_deck", "without_points"]

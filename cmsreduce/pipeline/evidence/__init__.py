@@ -1,0 +1,44 @@
+"""Evidence for the matrices of a body: beside its deck, as a whole and node by node, and of its nodes among themselves.
+
+Comparisons that return findings and figures belong here. What they prove is decided in `pipeline.bodies`; what a deck
+states is read in `read`.
+"""
+
+from cmsreduce.pipeline.evidence.deck_agreement import (
+    BOUNDED,
+    EXACT,
+    against_deck,
+    energy_ratios,
+    ratio_in_words,
+    statement_of,
+)
+from cmsreduce.pipeline.evidence.nodal_links import links_against_deck
+from cmsreduce.pipeline.evidence.nodal_mass import (
+    exchanges_hidden,
+    generalised_coordinates,
+    lumps,
+    mass_order_by_deck,
+    moments_toward_neighbours,
+    nodes_times_deck,
+)
+from cmsreduce.pipeline.evidence.nodal_stiffness import nodes_against_deck
+from cmsreduce.pipeline.evidence.point_masses import points_against_deck, without_points
+
+__all__ = [
+    "BOUNDED",
+    "EXACT",
+    "against_deck",
+    "energy_ratios",
+    "exchanges_hidden",
+    "generalised_coordinates",
+    "links_against_deck",
+    "lumps",
+    "mass_order_by_deck",
+    "moments_toward_neighbours",
+    "nodes_against_deck",
+    "nodes_times_deck",
+    "points_against_deck",
+    "ratio_in_words",
+    "statement_of",
+    "without_points",
+]

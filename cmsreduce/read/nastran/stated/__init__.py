@@ -1,0 +1,9 @@
+"""What a NASTRAN deck states about its matrices: mass and stiffness of its elements, as sums and at each node.
+
+Cards are read in `read.nastran.cards`; what the elements of other programs state has the same form, in `read.stated`.
+"""
+
+from cmsreduce.read.nastran.stated.energy import deck_energy, deck_statement
+from cmsreduce.read.nastran.stated.mass import deck_mass, grid_masses
+
+__all__ = ["deck_energy", "deck_mass", "deck_statement", "grid_masses"]
