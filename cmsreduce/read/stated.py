@@ -182,6 +182,8 @@ class StatedEnergy(NamedTuple):
         Elements that are not counted.
     at_nodes : StatedNodes, optional
         Stiffness at the nodes whose elements are all known.
+    stressed : bool
+        True if the matrix may have a stiffness by stress beside this energy.
     """
 
     least: Array
@@ -191,10 +193,13 @@ class StatedEnergy(NamedTuple):
     turning: NDArray[np.int64]
     uncounted: tuple[str, ...]
     at_nodes: StatedNodes | None = None
+    stressed: bool = False
 
     @property
     def exact(self) -> bool:
-        """True if both bounds are one."""
+        """True if both bounds are one, and no stress adds to them."""
+        if self.stressed:
+            return False
         return self.high is not None and bool(abs(self.high - self.low).max() <= _ROUND_OFF * abs(self.low).max())
 
 

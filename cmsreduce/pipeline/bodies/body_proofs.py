@@ -161,6 +161,7 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
         without = ", ".join(stated.uncounted)
         only = f"; only a lower bound is known, because these are not counted: {without}" if without else ""
         bounds = "" if stated.exact or only else " within the bounds of its plates and bars"
+        bounds = " to a tenth, as stress by a load may add to it" if stated.stressed else bounds
         agree.append(f"under uniform strain{bounds}{only}")
     local = None if stated is None or stated.at_nodes is None else nodes_against_deck(body, stated.at_nodes)
     if local is not None:

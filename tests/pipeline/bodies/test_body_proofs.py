@@ -190,6 +190,15 @@ def test_a_material_that_varies_with_temperature_has_no_modulus(tmp_path: Path, 
     assert bool(amount) == (label != "stiffness")
 
 
+def test_solids_under_stress_by_a_static_subcase(tmp_path: Path) -> None:
+    """A stress of 2e-3 of the modulus adds as much to the energy of a strain."""
+    cards = [*brick_cards(CELLS), "FORCE,1,7,,9.,1.,0.,0."]
+    for factor, state in ((1.002, "proven"), (1.2, "refuted"), (1e3, "refuted")):
+        proof = proof_of(opened(tmp_path / str(factor), replace(BRICK, K=factor * BRICK.K), cards), "stiffness")
+        assert proof.state == state
+        assert state == "refuted" or "to a tenth, as stress by a load may add" in proof.remark
+
+
 def test_solids_of_another_material_leave_the_others_compared(tmp_path: Path) -> None:
     """The last twelve bricks are of an anisotropic material: no number of the deck has their stiffness here."""
     cards, seen = brick_cards(CELLS), 0

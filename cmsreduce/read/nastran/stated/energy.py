@@ -96,12 +96,12 @@ def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEne
             if count:
                 without.append(f"{count} {kind} {why}")
     stated, at_nodes = sum_of_energies(parts, without), nodes_of(elements, moving)
-    if at_nodes is None or at_nodes.plates is None:
-        return None if stated is None else stated._replace(at_nodes=at_nodes)
-    # Plates that are not counted in the sum bend, too.
-    corners, none = at_nodes.plates.corners, np.zeros(0, dtype=np.int64)
-    stated = stated or StatedEnergy(np.zeros((6, 6)), np.zeros((6, 6)), None, none, none, tuple(without))
-    return stated._replace(at_nodes=at_nodes, turning=np.union1d(stated.turning, corners[corners >= 0]))
+    if at_nodes is not None and at_nodes.plates is not None:
+        # Plates that are not counted in the sum bend, too.
+        corners, none = at_nodes.plates.corners, np.zeros(0, dtype=np.int64)
+        stated = stated or StatedEnergy(np.zeros((6, 6)), np.zeros((6, 6)), None, none, none, tuple(without))
+        stated = stated._replace(turning=np.union1d(stated.turning, corners[corners >= 0]))
+    return None if stated is None else stated._replace(at_nodes=at_nodes, stressed=elements.prestressed)
 
 
 def deck_statement(
