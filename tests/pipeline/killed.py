@@ -6,6 +6,7 @@ when the file is whole under a temporary name but has not its own yet; 0 lets th
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -24,9 +25,10 @@ LIBRARIES = ("cmsreduce.pipeline", "pyyeti.nastran", "plotly.graph_objects", "ri
 
 
 def load_libraries() -> None:
-    """Load what a run needs, before runs are forked off."""
+    """Load what a run needs, before runs are forked off; they look for no garbage among it."""
     for library in LIBRARIES:
         import_module(library)
+    gc.freeze()
 
 
 def killed_at(number: int, path: Path) -> int:
