@@ -36,8 +36,8 @@ def sole_links(count: int, pairs: Indices, others: Sequence[Indices], tied: Sequ
     Examples
     --------
     >>> brick, spring = np.array([[0, 1, 2]]), np.array([[1, 2], [3, 2], [4, 0]])
-    >>> sole_links(5, spring, [brick], []).tolist(), sole_links(5, spring, [brick], [np.array([3, 4])]).tolist()
-    ([[0, 4], [2, 3]], [])
+    >>> sole_links(5, spring, [brick], []).tolist(), sole_links(5, spring, [brick], [np.array([1, 3])]).tolist()
+    ([[0, 4], [2, 3]], [[0, 4]])
     """
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
     if not len(pairs):

@@ -1,6 +1,7 @@
 """What a NASTRAN deck states about its matrices: mass and stiffness of its elements, as sums and at each node.
 
-Cards are read in `read.nastran.cards`; what the elements of other programs state has the same form, in `read.stated`.
+Elements, sections, materials and what follows from them belong here. Reading cards does not: that is in
+`read.nastran.cards`; what decks of other programs state has the same form, in `read.stated`.
 """
 
 from cmsreduce.read.nastran.stated.energy import deck_energy, deck_statement
