@@ -23,9 +23,6 @@ _THE_BODY = (
     *("nodes/", "integrals/", "frame/"),
 )
 
-# Keys of a component that its files do not replace.
-_OF_THE_BODY = ("rigid", "wheels", "interfaces", "place", "units", "grounded")
-
 
 def multibody_scene(folder: Path, configuration: str | None = None) -> MultibodyScene:
     """Read the scene of a run for simulation in time.

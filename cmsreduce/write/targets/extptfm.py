@@ -18,8 +18,6 @@ __all__ = ["EXTPTFM_DIALECTS", "write_extptfm"]
 EXTPTFM_DIALECTS = ("openfast-5", "openfast-4")
 """Releases of OpenFAST: 5.0 takes weights and no loads over time, and has no line of size before each matrix."""
 
-_SIX = 6
-
 Array = NDArray[np.float64]
 
 
