@@ -16,7 +16,8 @@ from cmsreduce.project.response_certificate import (
 )
 from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes
 from cmsreduce.project.scene_shapes import ResponseLimits, SceneFit, energy_shapes, fit_shapes, objective
-from cmsreduce.project.shape_search import Judged, Settled, ShapeSearch
+from cmsreduce.project.settled_shapes import Judged, Settled
+from cmsreduce.project.shape_search import ShapeSearch
 from cmsreduce.project.system_cost import Shares, SystemCost, largest_shares, system_cost
 
 __all__ = [

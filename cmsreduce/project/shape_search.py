@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -19,9 +19,10 @@ from cmsreduce.project.scene_shapes import (
     misfit,
     misfit_of,
 )
+from cmsreduce.project.settled_shapes import Judged, Settled
 from cmsreduce.project.shape_starts import MIXES, SceneDirections
 
-__all__ = ["Judged", "ShapeSearch", "Settled"]
+__all__ = ["ShapeSearch"]
 
 Array = NDArray[np.float64]
 
@@ -44,55 +45,6 @@ _HOPELESS = 1.2
 _SPLITS = 8
 # An error is aimed at this share of its limit, and its weight changes at most by these factors a round and in all.
 _AIM, _ROUND_CHANGE, _ALL_CHANGE = 0.95, (0.7, 1.2), (0.1, 2.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """Errors of one set of shapes, each over its limit.
-
-    Parameters
-    ----------
-    frf, db : (configurations,) float64
-        Of the response, and in decibels; zero for an error without a limit.
-    worst : float
-        The largest of all errors that have a limit.
-    """
-
-    frf: Array
-    db: Array
-    worst: float
-
-
-@dataclass(frozen=True, eq=False)
-class Settled:
-    """Shapes after rounds of optimisation, the best that were found.
-
-    Parameters
-    ----------
-    shapes : mapping of body to (n, k) float64
-    judged : Judged
-    steps : int
-        Steps of the optimisation.
-    """
-
-    shapes: dict[str, Array]
-    judged: Judged
-    steps: int
-
-    @property
-    def passes(self) -> bool:
-        """All limits are met."""
-        return self.judged.worst <= 1
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Number of shapes of each body."""
-        return {name: V.shape[1] for name, V in self.shapes.items()}
-
-    @property
-    def count(self) -> int:
-        """Number of shapes of all bodies."""
-        return sum(self.counts.values())
 
 
 class ShapeSearch:
