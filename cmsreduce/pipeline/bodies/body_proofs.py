@@ -193,7 +193,7 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
     counted = stated is not None and stated.nodes.size
     why = "no uniform strain leaves its supports" if counted else "no deck states the materials of its rows"
     remark = f"{sound}; {why}: compare its frequencies"
-    return [], Proof("stiffness", state, digits, remark, only="definiteness" if negative == 0 else "")
+    return checks, Proof("stiffness", state, digits, remark, only="definiteness" if negative == 0 else "")
 
 
 def _mass(

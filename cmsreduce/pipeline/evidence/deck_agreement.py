@@ -19,13 +19,18 @@ from cmsreduce.read import STRAINS, StatedEnergy, StatedMass, deck_statement
 from cmsreduce.verify import rigid_mass_properties
 
 __all__ = [
+    "BLIND",
     "BOUNDED",
     "EXACT",
+    "NO_FORCE",
+    "PLACES",
+    "ROUNDINGS",
     "Differences",
     "against_deck",
     "energy_ratios",
     "known_dofs",
     "masses_move",
+    "named_nodes",
     "ratio_in_words",
     "row_directions",
     "statement_of",
@@ -39,6 +44,13 @@ _DECK_DIGITS = 1e-4
 EXACT, BOUNDED = 1e-3, 0.1
 """Moduli of a deck have four digits or more; plates and bars in shear and bending are known between bounds, which
 formulations of elements exceed by per cents."""
+NO_FORCE = 1e-9
+"""A motion that elements resist less than their stiffest by this factor is not compared by itself."""
+ROUNDINGS, PLACES = 10.0, 4.0
+"""Roundings of a force that adds up; displacements of both ends of an element by wrong coordinates."""
+BLIND = 0.1
+"""Digits that leave so large a difference open show nothing."""
+_NAMED = 5
 # A strain that a deck resists less than the stiffest by this factor is not resisted.
 _NO_ENERGY = 1e-9
 # Motions of constrained dofs below this are round-off of printed coordinates.
@@ -80,6 +92,18 @@ class Differences:
     off: Array
     low: Array
     high: Array
+
+
+def named_nodes(ids: NDArray[np.int64]) -> str:
+    """The first of some nodes, and how many more there are.
+
+    Examples
+    --------
+    >>> named_nodes(np.arange(1, 9))
+    '1, 2, 3, 4, 5 and 3 more'
+    """
+    more = f" and {ids.size - _NAMED} more" if ids.size > _NAMED else ""
+    return ", ".join(str(node) for node in ids[:_NAMED]) + more
 
 
 def ratio_in_words(low: float, high: float) -> str:

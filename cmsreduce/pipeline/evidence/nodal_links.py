@@ -11,7 +11,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, Finding, cross_matrix
-from cmsreduce.pipeline.evidence.deck_agreement import EXACT, known_dofs, ratio_in_words
+from cmsreduce.pipeline.evidence.deck_agreement import (
+    BLIND,
+    EXACT,
+    NO_FORCE,
+    PLACES,
+    ROUNDINGS,
+    known_dofs,
+    ratio_in_words,
+)
 from cmsreduce.read import StatedNodes
 
 __all__ = ["links_against_deck"]
@@ -19,12 +27,6 @@ __all__ = ["links_against_deck"]
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# A motion that a link resists less than its stiffest of the same kind is compared with that.
-_NO_FORCE = 1e-9
-# Roundings of an entry; displacements of both nodes by wrong coordinates.
-_ROUNDINGS, _PLACES = 10.0, 4.0
-# Digits that leave so large a difference open show nothing.
-_BLIND = 0.1
 _NAMED = 3
 
 
@@ -72,20 +74,18 @@ def links_against_deck(body: FEModel, stated: StatedNodes, turning: Indices) -> 
     error = float(np.max(body.nodes.xyz_rounding, initial=0.0))
     # Points at one place are printed alike.
     far = distance > error
-    rate = _ROUNDINGS * body.stiffness_rounding + _PLACES * np.divide(
-        error, distance, out=np.zeros(far.size), where=far
-    )
+    rate = ROUNDINGS * body.stiffness_rounding + PLACES * np.divide(error, distance, out=np.zeros(far.size), where=far)
     part = abs(first).transpose(0, 2, 1) @ (abs(between) * rate[:, None, None] + size) @ abs(second)
     part = part + rate[:, None, None] * abs(given)
     allowed = abs(scale).transpose(0, 2, 1) @ part @ abs(carried) @ abs(scale)
-    beyond = np.where(allowed < _BLIND, np.maximum(abs(off) - allowed, 0.0), 0.0).max(axis=(1, 2))
+    beyond = np.where(allowed < BLIND, np.maximum(abs(off) - allowed, 0.0), 0.0).max(axis=(1, 2))
     beyond[~sure] = 0.0
     wrong = np.argsort(-beyond, kind="stable")[: int((beyond > EXACT).sum())]
     note = ""
     if wrong.size:
         named = ", ".join("{} and {}".format(*body.nodes.id[links[k]]) for k in wrong[:_NAMED])
         more = f" and {wrong.size - _NAMED} more pairs" if wrong.size > _NAMED else ""
-        resisted = one[wrong[0]].diagonal() > _BLIND
+        resisted = one[wrong[0]].diagonal() > BLIND
         ratio = own[wrong[0]].diagonal()[resisted] / one[wrong[0]].diagonal()[resisted]
         note = f"between nodes {named}{more}; at the first {ratio_in_words(*_range(ratio))}"
     name = "stiffness of bars and springs between two nodes against the deck"
@@ -116,7 +116,7 @@ def _blocks_of_rows(body: FEModel, links: Indices) -> tuple[Array, Array]:
     at = np.searchsorted(nodes, links)
     blocks = _blocks(sp.csr_array(wide @ body.K @ wide.T), at)
     root = np.sqrt(abs(wide @ body.K.diagonal())).reshape(-1, 6)
-    return blocks, np.finfo(float).eps * _ROUNDINGS * root[at[:, 0], :, None] * root[at[:, 1], None, :]
+    return blocks, np.finfo(float).eps * ROUNDINGS * root[at[:, 0], :, None] * root[at[:, 1], None, :]
 
 
 def _blocks(A: sp.csr_array, pairs: Indices) -> Array:
@@ -141,8 +141,8 @@ def _scaling(P: Array) -> tuple[Array, NDArray[np.bool_]]:
     P = (P + P.transpose(0, 2, 1)) / 2
     own = np.einsum("kii->ki", P)
     most = own.reshape(-1, 2, 3).max(axis=2).repeat(3, axis=1)
-    weight = np.where(own > _NO_FORCE * most, own, most)
+    weight = np.where(own > NO_FORCE * most, own, most)
     scale = np.where(weight > 0, 1 / np.sqrt(np.where(weight > 0, weight, 1.0)), 0.0)
     weight, V = np.linalg.eigh(P * scale[:, :, None] * scale[:, None, :])
     sure = (weight >= -EXACT).all(axis=1) & ~uneven
-    return scale[:, :, None] * V / np.sqrt(np.where(weight > _NO_FORCE, weight, 1.0))[:, None, :], sure
+    return scale[:, :, None] * V / np.sqrt(np.where(weight > NO_FORCE, weight, 1.0))[:, None, :], sure

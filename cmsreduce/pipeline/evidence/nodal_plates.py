@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cmsreduce.model import FEModel, Nodes
-from cmsreduce.pipeline.evidence.deck_agreement import EXACT, Differences
+from cmsreduce.pipeline.evidence.deck_agreement import BLIND, EXACT, PLACES, ROUNDINGS, Differences
 from cmsreduce.pipeline.evidence.node_blocks import AT_ONCE, node_products, stiffness_by_node, sum_by_number
 from cmsreduce.pipeline.evidence.plate_fields import PlateFields, fields_of_plates, uneven_plates, unit
 from cmsreduce.read import SAME_PLACE, StatedNodes, StatedPlates
@@ -29,10 +29,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
-# Roundings of a force that adds up; displacements of both ends of an element by wrong coordinates.
-_ROUNDINGS, _PLACES = 10.0, 4.0
-# Digits that leave so large a difference open show nothing; a smaller share of the force shows no plate.
-_BLIND = _SHARE = 0.1
+# A smaller share of the force at a node shows no plate.
+_SHARE = 0.1
 # Forces of alike plates around a node, relative to their parts, that are in balance; and the share of such nodes that
 # shows that an element passes the patch test.
 _BALANCED, _PASS = 1e-5, 0.5
@@ -194,7 +192,7 @@ def _differences(forces: _Forces, fields: PlateFields, uneven: Flags) -> tuple[F
     beyond = np.maximum(np.maximum(forces.found - forces.high, forces.low - forces.found), 0) / terms
     digits, size = forces.digits / terms, np.linalg.norm(beyond, axis=1)
     # Digits that may hide a difference do not take back that there is none.
-    compared = np.isfinite(terms[:, 0]) & ((size <= EXACT) | (np.linalg.norm(digits, axis=1) < _BLIND))
+    compared = np.isfinite(terms[:, 0]) & ((size <= EXACT) | (np.linalg.norm(digits, axis=1) < BLIND))
     # Alike plates all around a node are in balance, if they pass the patch test in these shapes.
     stated = (abs(forces.sure) + forces.high - forces.low) / terms
     around = compared & uneven & ~fields.across.any(axis=1) & (np.linalg.norm(stated, axis=1) <= _BALANCED)
@@ -217,8 +215,8 @@ def _noise(K: sp.bsr_array, body: FEModel) -> Array:
     count = len(body.nodes)
     row = np.repeat(np.arange(count), np.diff(K.indptr))
     away = np.linalg.norm(body.nodes.xyz[K.indices] - body.nodes.xyz[row], axis=1)
-    digits = _ROUNDINGS * body.stiffness_rounding
-    places = _PLACES * float(np.max(body.nodes.xyz_rounding, initial=0.0))
+    digits = ROUNDINGS * body.stiffness_rounding
+    places = PLACES * float(np.max(body.nodes.xyz_rounding, initial=0.0))
     error = np.zeros((row.size, 6, 2))
     error[:, :3, 0] = (digits * away**2 / 2 + places * away)[:, None]
     error[:, 3:, 0] = error[:, :3, 1] = (digits * away + places)[:, None]

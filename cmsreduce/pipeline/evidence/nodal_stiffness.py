@@ -11,9 +11,14 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import absolute, symmetric_product
 from cmsreduce.model import FEModel, Finding
 from cmsreduce.pipeline.evidence.deck_agreement import (
+    BLIND,
     EXACT,
+    NO_FORCE,
+    PLACES,
+    ROUNDINGS,
     Differences,
     known_dofs,
+    named_nodes,
     ratio_in_words,
     row_directions,
     uniform_strains,
@@ -27,14 +32,6 @@ __all__ = ["NodesAgainstDeck", "nodes_against_deck"]
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
-
-# A motion of a node that its elements resist less than the stiffest, in units of the diagonal, is not compared.
-_NO_FORCE = 1e-9
-# Roundings of a force that adds up; displacements of both ends of an element by wrong coordinates.
-_ROUNDINGS, _PLACES = 10.0, 4.0
-# Digits that leave so large a difference open show nothing.
-_BLIND = 0.1
-_NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -105,12 +102,11 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
     wrong = order[off[order] > EXACT]
     note = ""
     if wrong.size:
-        named = ", ".join(str(body.nodes.id[k]) for k in at[wrong[:_NAMED]])
-        more = f" and {wrong.size - _NAMED} more" if wrong.size > _NAMED else ""
+        named = named_nodes(body.nodes.id[at[wrong]])
         first = wrong[0]
         known_ratio = np.isfinite(low[first]) and np.isfinite(high[first])
         words = ratio_in_words(float(low[first]), float(high[first])) if known_ratio else "forces that the deck has not"
-        note = f"at node {named}{more}; at the first {words}"
+        note = f"at node {named}; at the first {words}"
     check = Finding("stiffness of each node against the deck", float(off[order[0]]), EXACT, note)
     return NodesAgainstDeck(check, np.unique(at).size, np.unique(body.dofs.node[rows]).size, bending)
 
@@ -137,12 +133,12 @@ def _of_bars(body: FEModel, S: sp.csr_array, rows: Indices, known: Flags) -> Dif
     scaled = sp.csr_array(W.T @ K @ W)
     off = sp.csr_array(abs(sp.csr_array(W.T @ (K - S) @ W))).tocoo()
     # Wrong coordinates turn a stiff direction into a soft one.
-    rate = _ROUNDINGS * body.stiffness_rounding + _PLACES * _place_errors(body, S, at, of)[of]
+    rate = ROUNDINGS * body.stiffness_rounding + PLACES * _place_errors(body, S, at, of)[of]
     size = abs(W)
     allowed = sp.csr_array(size.T @ (sp.diags_array(rate) @ (abs(K) + abs(S))) @ size)
     allowed = sp.csr_array(allowed + allowed.T)
     limit = np.asarray(allowed[off.row, off.col]).ravel()
-    beyond = np.where(limit < _BLIND, np.maximum(off.data - limit, 0.0), 0.0)
+    beyond = np.where(limit < BLIND, np.maximum(off.data - limit, 0.0), 0.0)
     worst = np.zeros(at.size)
     np.maximum.at(worst, off.row // 6, beyond)
     low, high = _ratios(scaled, at.size)
@@ -157,11 +153,7 @@ def _scaling(S: sp.csr_array, of: Indices, slot: Indices, count: int) -> sp.csr_
     own = np.einsum("kii->ki", blocks)
     scale = np.where(own > 0, 1 / np.sqrt(np.where(own > 0, own, 1.0)), 0.0)
     weight, V = np.linalg.eigh(blocks * scale[:, :, None] * scale[:, None, :])
-    W = (
-        scale[:, :, None]
-        * V
-        * np.where(weight > _NO_FORCE, 1 / np.sqrt(np.maximum(weight, _NO_FORCE)), 0.0)[:, None, :]
-    )
+    W = scale[:, :, None] * V * np.where(weight > NO_FORCE, 1 / np.sqrt(np.maximum(weight, NO_FORCE)), 0.0)[:, None, :]
     columns = (6 * of)[:, None] + np.arange(6)
     start = np.arange(0, 6 * of.size + 1, 6)
     return sp.csr_array((W[of, slot].ravel(), columns.ravel(), start), shape=(of.size, 6 * count))
@@ -187,7 +179,7 @@ def _ratios(scaled: sp.csr_array, count: int) -> tuple[Array, Array]:
     blocks[A.row[same] // 6, A.row[same] % 6, A.col[same] % 6] = A.data[same]
     weight = np.linalg.eigvalsh((blocks + blocks.transpose(0, 2, 1)) / 2)
     # Motions that are not compared have no stiffness here.
-    least = np.where(weight > _NO_FORCE, weight, np.inf).min(axis=1)
+    least = np.where(weight > NO_FORCE, weight, np.inf).min(axis=1)
     return np.asarray(np.where(np.isfinite(least), least, 0.0)), np.asarray(weight[:, -1])
 
 
@@ -213,9 +205,7 @@ def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indice
     # A bar gives a force with its other end at this node's place.
     stiff = np.asarray(E @ (stated.stiffness @ flat + force.reshape(-1, len(STRAINS))))
     found = symmetric_product(body.K)(U)[rows]
-    errors = _ROUNDINGS * body.stiffness_rounding * abs(U) + _PLACES * float(
-        np.max(body.nodes.xyz_rounding, initial=0.0)
-    )
+    errors = ROUNDINGS * body.stiffness_rounding * abs(U) + PLACES * float(np.max(body.nodes.xyz_rounding, initial=0.0))
     allowed = symmetric_product(absolute(body.K))(errors)[rows]
     beyond = np.maximum(abs(found - stiff) - allowed, 0.0)
     sums = [np.bincount(of, np.sum(part, axis=1)) for part in (beyond**2, allowed**2, found * stiff, stiff**2)]
@@ -223,7 +213,7 @@ def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indice
     terms = stated.terms[at] + np.linalg.norm(
         np.asarray(abs(stated.stiffness) @ abs(flat)).reshape(len(body.nodes), -1)[at], axis=1
     )
-    judged &= np.sqrt(noise) < _BLIND * terms
+    judged &= np.sqrt(noise) < BLIND * terms
     off, terms, product, square = (part[judged] for part in (off, terms, product, square))
     ratio = np.divide(product, square, out=np.full(off.size, np.nan), where=square > (EXACT * terms) ** 2)
     return Differences(at[judged], np.sqrt(off) / terms, ratio, ratio)

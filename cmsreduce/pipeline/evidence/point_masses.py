@@ -7,14 +7,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, Finding
-from cmsreduce.pipeline.evidence.deck_agreement import masses_move, row_directions
+from cmsreduce.pipeline.evidence.deck_agreement import masses_move, named_nodes, row_directions
 from cmsreduce.read import StatedMass
 
 __all__ = ["points_against_deck", "without_points"]
 
 # Inertias and offsets of decks have four digits or more.
 _SAME = 1e-3
-_NAMED = 5
 
 
 def points_against_deck(body: FEModel, stated: StatedMass) -> Finding | None:
@@ -60,9 +59,7 @@ def points_against_deck(body: FEModel, stated: StatedMass) -> Finding | None:
     mass = np.maximum(points[at, 0, 0], stated.nodal[at])
     off = np.maximum(turned / inertia[at], coupled / np.sqrt(inertia[at] * np.maximum(mass, np.finfo(float).tiny)))
     wrong = np.argsort(-off, kind="stable")[: int((off > _SAME).sum())]
-    named = ", ".join(str(ids[at[k]]) for k in wrong[:_NAMED])
-    more = f" and {wrong.size - _NAMED} more" if wrong.size > _NAMED else ""
-    note = f"at node {named}{more}" if wrong.size else ""
+    note = f"at node {named_nodes(ids[at[wrong]])}" if wrong.size else ""
     return Finding("inertia of each point mass against the deck", float(off.max()), _SAME, note)
 
 
