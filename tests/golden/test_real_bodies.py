@@ -77,8 +77,8 @@ def test_nas2cam_assembled_unreduced(shared_data: Path, opened: Opened) -> None:
     text = SUPERELEMENTS.replace("modal: 0.01", "structural: 0.02")
     run = opened(text, data=shared_data / "nas2cam", **WELD)
     (configuration,) = run.scene.configurations
-    full = run.comparison.reference
-    assert set(run.comparison.reference_shapes.values()) == {None}
+    full = run.comparison.reference.assembled
+    assert set(run.comparison.reference.shapes.values()) == {None}
     # 32 + 46 dofs, 24 of which are shared.
     assert (full.system(configuration).N, full.system(configuration).rigid.shape[1]) == (54, 6)
     hertz = full.resonances(configuration).omega / (2 * np.pi)
@@ -228,7 +228,7 @@ def test_swept_plane_with_massless_dofs(shared_data: Path, opened: Opened) -> No
     assert (modal.rigid_count, modal.elastic_count) == (3, 28)
     np.testing.assert_allclose(elastic_hz(modal)[:7], f06, rtol=5e-7)
     assert elastic_hz(modal)[-1] < 1000
-    full = run.comparison.reference.resonances(run.scene.configurations[0])
+    full = run.comparison.reference.assembled.resonances(run.scene.configurations[0])
     np.testing.assert_allclose(full.omega / (2 * np.pi), elastic_hz(modal), rtol=1e-9)
     # Held but for motion out of its plane, the body still has a centre of mass in it.
     found = rigid_mass_properties(rigid_mass(run.bodies["plane"].body))

@@ -89,7 +89,7 @@ def test_the_costliest_of_both_bodies_together(run, costs, count, split, limit):
 
 def test_all_modes_leave_the_joint_the_inertia_of_its_two_grids(run):
     """By hand: 140 kg m^2 on one side of the alpha joint and 60000 on the other, against what the joint feels."""
-    subs, turned = run.comparison.reference.substructures, run.scene.configurations[1]
+    subs, turned = run.comparison.reference.assembled.substructures, run.scene.configurations[1]
     scene = replace(run.scene, actuators=(), sensors=articulation_sensors(run.scene))
     free, locked = (assemble(subs, each, turned) for each in (scene, hinges_locked(scene)))
     left = 1 / (1 / 140 + 1 / 60000) / articulation_inertia(free)[0, 0]

@@ -128,7 +128,7 @@ def test_an_undamped_system_has_no_damping_error(opened: Callable[..., Run], stu
     names = {found.name for found in check_result(study.parent / "out", Limits())[0]}
     assert "frf_error" in names and "damping_error" not in names
     assert all(row["complex_modes"] is None for row in facts["configurations"])
-    models = (run.comparison.reference, run.model.assembled)
+    models = (run.comparison.reference.assembled, run.model.assembled)
     assert all(model.damped_modes(each) is None for model in models for each in run.scene.configurations)
 
 

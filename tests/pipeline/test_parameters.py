@@ -106,7 +106,7 @@ def test_a_beam_under_preload(string: Path) -> None:
         found = run.model.assembled.resonances(there).omega[:5] / (2 * np.pi)
         # The mesh of 16 elements and the rotary inertia of the beam are in the 3e-4.
         np.testing.assert_allclose(found, pinned_hz(tension, 5), rtol=3e-4)
-        reference = run.comparison.reference.resonances(there).omega[:5] / (2 * np.pi)
+        reference = run.comparison.reference.assembled.resonances(there).omega[:5] / (2 * np.pi)
         np.testing.assert_allclose(found, reference, rtol=2e-6)
     assert result.between is not None
     assert list(result.between.errors) == ["midpoint preload=10000", "beside preload=5000", "beside preload=15000"]
@@ -227,9 +227,9 @@ def test_angles_and_parameters_of_every_kind_against_dense_algebra(varied: tuple
         rigid = int(np.sum(squares < 1e-9 * squares.max()))
         # Tension of a fixed direction holds the rotations across it.
         assert rigid == (6 if each.parameters["tension"] == 0 else 4)
-        assert run.comparison.reference.system(each).rigid.shape[1] == rigid
+        assert run.comparison.reference.assembled.system(each).rigid.shape[1] == rigid
         expected = np.sqrt(squares[rigid : rigid + 6])
-        model = run.comparison.reference
+        model = run.comparison.reference.assembled
         np.testing.assert_allclose(model.every_mode(each)[0][:6], expected, rtol=1e-7)
         # The reduced bodies, up to the band: one basis for all corners.
         np.testing.assert_allclose(run.model.assembled.every_mode(each)[0][:4], expected[:4], rtol=1e-5)
@@ -355,7 +355,7 @@ def test_a_parameter_of_sparse_dofs_is_exact(string: Path) -> None:
     b, c = np.zeros(body.n), np.zeros(body.n)
     b[[25, 26]], c[67] = [1, 0.5], 1
     loss = 0.02 * body.K.toarray()
-    for w, found in zip(omega, run.comparison.reference.response(each, omega)[:, 0, 0], strict=True):
+    for w, found in zip(omega, run.comparison.reference.assembled.response(each, omega)[:, 0, 0], strict=True):
         Z = (K + 1j * loss - w**2 * body.M.toarray())[np.ix_(free, free)]
         assert found == pytest.approx(c[free] @ np.linalg.solve(Z, b[free]), rel=1e-6)
 

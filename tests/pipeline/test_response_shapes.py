@@ -46,7 +46,7 @@ def given(study: Path) -> Run:
 def test_the_responses_are_those_of_the_assembled_reduced_bodies(given: Run) -> None:
     """Two codes: joint forces between bodies in shapes, and the matrices of the reduced component files."""
     source = given.joined(given.kept)
-    sampled = SampledScene(source, given.kept, given.comparison)
+    sampled = SampledScene(source, given.kept, given.comparison.reference)
     shapes = {
         name: given.kept[name].Phi[:, given.kept[name].elastic].T @ (c.body.M @ c.Phi[:, c.elastic])
         for name, c in given.final.items()

@@ -96,7 +96,7 @@ def unit(dof: int, size: float = 1.0) -> list[float]:
 
 
 def full_response(run: Run, number: int = 0) -> np.ndarray:
-    return run.comparison.reference.response(run.scene.configurations[number], OMEGA)
+    return run.comparison.reference.assembled.response(run.scene.configurations[number], OMEGA)
 
 
 def assert_agree(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-8) -> None:
@@ -185,7 +185,7 @@ def test_the_base_is_the_body_that_stays(opened: Callable[..., Run]) -> None:
     # What is outboard turns against what is inboard: arm and hub by -50 degrees, where it was the panel by 50.
     other = opened("scene.base=panel", "scene.articulation.hinge=[0, -50 deg]", text=STRUCTURAL)
     for run, stay in ((hub, {"hub", "arm"}), (other, {"panel"})):
-        placed = run.comparison.reference.wiring(run.scene.configurations[1]).placed
+        placed = run.comparison.reference.assembled.wiring(run.scene.configurations[1]).placed
         assert {name for name, place in placed.items() if np.array_equal(place.rotation, np.eye(3))} == stay
     assert_agree(full_response(other, 1), full_response(hub, 1))
     assert abs(full_response(hub, 1) - full_response(hub, 0)).max() > 0.1 * abs(full_response(hub, 0)).max()
@@ -197,7 +197,7 @@ def test_the_base_is_the_body_that_stays(opened: Callable[..., Run]) -> None:
 def test_ground_holds_an_interface(opened: Callable[..., Run], body: str, node: int, name: str) -> None:
     run = opened(f"scene.ground={name}", "scene.articulation=null", text=STRUCTURAL)
     # One side of the hinge is held, the other swings on it.
-    assert run.comparison.reference.system(run.scene.configurations[0]).rigid.shape[1] == 1
+    assert run.comparison.reference.assembled.system(run.scene.configurations[0]).rigid.shape[1] == 1
     whole = Monolith()
     N = np.linalg.svd(np.vstack([whole.row(body, node, unit(dof)) for dof in range(6)]))[2][6:].T
     whole.K, whole.M = N.T @ whole.K @ N, N.T @ whole.M @ N

@@ -118,7 +118,7 @@ def test_a_hinge_between_solids(tied: Callable[..., Run]) -> None:
     omega = 2 * np.pi * np.array([3.0, 310.0, 1700.0])
     straight, bent = run.scene.configurations
     expected = np.array([by_hand(w) for w in omega])
-    full = run.comparison.reference
+    full = run.comparison.reference.assembled
     np.testing.assert_allclose(full.response(straight, omega), expected, rtol=1e-6, atol=1e-8 * abs(expected).max())
     reduced = run.model.assembled.response(straight, omega)
     scale = abs(expected).max(axis=(0, 2), keepdims=True)
@@ -134,7 +134,7 @@ def test_units_position_and_frame_of_a_tie(tied: Callable[..., Run]) -> None:
     """A body in millimetres and tonnes, its point where the key says, turned about the hinge: it moves the same."""
     base = tied()
     omega = 2 * np.pi * np.array([20.0, 200.0])
-    expected = base.comparison.reference.response(base.scene.configurations[0], omega)
+    expected = base.comparison.reference.assembled.response(base.scene.configurations[0], omega)
     write_body(base.folder.parent, solids()[0], length=1e3, mass=1e-3)
     deck = base.folder.parent / "near.bdf"
     deck.write_text(deck.read_text().replace("ENDDATA", "ASET1,123,1,THRU,54\nENDDATA"))
@@ -143,7 +143,7 @@ def test_units_position_and_frame_of_a_tie(tied: Callable[..., Run]) -> None:
     turned = run.bodies["near"].body.interfaces["end"]
     np.testing.assert_allclose(turned.position, [HINGE], atol=1e-12)
     np.testing.assert_allclose(turned.frame, rotation([0, 1, 0], np.pi / 6).T, atol=1e-12)
-    found = run.comparison.reference.response(run.scene.configurations[0], omega)
+    found = run.comparison.reference.assembled.response(run.scene.configurations[0], omega)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-7 * abs(expected).max())
 
 
@@ -198,7 +198,7 @@ def test_a_boom_without_inertia_about_itself_does_not_stand_on_the_ground(boom: 
     assert note.endswith("interface 'root' loses 1.4")
     (configuration,) = run.scene.configurations
     omega = np.array([2.0, 50.0])
-    for model in (run.comparison.reference, run.model.assembled):
+    for model in (run.comparison.reference.assembled, run.model.assembled):
         assert model.system(configuration).rigid.shape[1] == 6
         # About the boom's axis only the hub's own inertia answers.
         np.testing.assert_allclose(model.response(configuration, omega)[:, 0, 0], -1 / (0.2 * omega**2), rtol=1e-9)

@@ -13,7 +13,7 @@ from cmsreduce.model import CutoffChoice, ModalComponent, RigidBody, Scene, Subs
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, reference
 from cmsreduce.pipeline.store import stage_key
-from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
+from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel, ReferenceModel
 from cmsreduce.reduce import Examined
 
 __all__ = [
@@ -243,5 +243,5 @@ def neglected_errors(
     found = {}
     for name, part in enriched.items():
         richer = model({**components, name: part})
-        found[name] = Comparison(richer.assembled, richer.shapes, models, scene, _POINTS).candidate_error(base)
+        found[name] = Comparison(ReferenceModel(richer.assembled, richer.shapes, models), _POINTS).candidate_error(base)
     return found

@@ -13,7 +13,7 @@ from cmsreduce.errors import CmsReduceError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import ModalComponent, Scene, SensitivityCase, SensitivityRecord, Substructure, is_gyroscopic
 from cmsreduce.pipeline.bodies import FlexibleBody
-from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
+from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel, ReferenceModel
 
 __all__ = [
     "Change",
@@ -100,11 +100,10 @@ def changed_model(model: ReducedModel, reduced: Mapping[str, ModalComponent], ch
 
 def changed_comparison(comparison: Comparison, change: Change) -> Comparison:
     """The reference model in a changed scene, with another damping."""
-    scene, unchanged = change.scene, comparison.reference.substructures
+    scene, full = change.scene, comparison.reference
+    unchanged = full.assembled.substructures
     subs = {name: _damped(sub, change.damping) for name, sub in unchanged.items() if name in scene.bodies}
-    return Comparison(
-        AssembledModel(subs, scene), comparison.reference_shapes, comparison.bodies, scene, comparison.points
-    )
+    return Comparison(ReferenceModel(AssembledModel(subs, scene), full.shapes, full.bodies), comparison.points)
 
 
 def sensitivity(

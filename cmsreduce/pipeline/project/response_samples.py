@@ -12,7 +12,7 @@ from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Configuration, ModalComponent, is_gyroscopic
 from cmsreduce.pipeline.store import once
-from cmsreduce.pipeline.system import Comparison, ReducedModel, Target
+from cmsreduce.pipeline.system import ReducedModel, ReferenceModel, Target
 from cmsreduce.project import BodyModes, ResponseSample, SceneResponses, Shapes
 from cmsreduce.verify import db_error, decibel_grid, frequency_grid, frf_error, loud_channels
 
@@ -43,8 +43,7 @@ class SampledScene:
         The system of all candidates.
     bodies : mapping of name to ModalComponent
         Bodies whose shapes are sought, in the modes of ``source``.
-    comparison : Comparison
-        The reference model.
+    reference : ReferenceModel
 
     Raises
     ------
@@ -52,8 +51,8 @@ class SampledScene:
         If the damping matrix of a body couples its rigid motion, or a body has gyroscopic forces.
     """
 
-    def __init__(self, source: ReducedModel, bodies: Mapping[str, ModalComponent], comparison: Comparison) -> None:
-        self.model, self.comparison = source.assembled, comparison
+    def __init__(self, source: ReducedModel, bodies: Mapping[str, ModalComponent], reference: ReferenceModel) -> None:
+        self.model, self.reference = source.assembled, reference
         turning = [
             name
             for name, sub in self.model.substructures.items()
@@ -70,25 +69,25 @@ class SampledScene:
 
     def responses(self, configurations: Sequence[Configuration], *, decibels: bool = False) -> SceneResponses:
         """Responses on coarse grids for the optimisation, or on grids that show the errors in decibels."""
-        more = decibel_grid(self.comparison.scene.band)[::_OF_DECIBELS] if decibels else np.empty(0)
+        more = decibel_grid(self.reference.scene.band)[::_OF_DECIBELS] if decibels else np.empty(0)
         grids = [np.union1d(self._coarse_grid(each), more) for each in configurations]
-        targets = [self.comparison.target(*each) for each in zip(configurations, grids, strict=True)]
+        targets = [self.reference.target(*each) for each in zip(configurations, grids, strict=True)]
         return SceneResponses(self.bodies, [self._sample(target) for target in targets])
 
     @once
     def judge(self, configuration: Configuration) -> ScenePoints:
         """A configuration on the grids of the errors."""
-        band, found = self.comparison.scene.band, self.comparison.reference.resonances(configuration)
+        band, found = self.reference.scene.band, self.reference.assembled.resonances(configuration)
         decibel = decibel_grid(band)
         fine = frequency_grid(band, _JUDGED, found.omega, found.zeta, _COARSE)
         every = np.unique(np.concatenate([fine, decibel]))
-        sample = self._sample(self.comparison.target(configuration, every))
+        sample = self._sample(self.reference.target(configuration, every))
         return ScenePoints(SceneResponses(self.bodies, [sample]), np.searchsorted(every, decibel))
 
     def _coarse_grid(self, configuration: Configuration) -> Real:
         """A logarithmic grid, with each resonance of the reference model and its half-power points."""
-        low, *_, high = decibel_grid(self.comparison.scene.band)
-        found = self.comparison.reference.resonances(configuration)
+        low, *_, high = decibel_grid(self.reference.scene.band)
+        found = self.reference.assembled.resonances(configuration)
         inside = found.omega <= high
         omega, width = found.omega[inside], np.maximum(found.zeta[inside], _NO_DAMPING) * found.omega[inside]
         grid = np.unique(np.concatenate([np.geomspace(low, high, _POINTS), omega - width, omega, omega + width]))

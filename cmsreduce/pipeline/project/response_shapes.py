@@ -117,7 +117,7 @@ class ResponseShapes:
         covers = keys.between and keys.responses == "auto" and not self._span.is_point
         self._aim = _BETWEEN_AIM if covers else 1.0
         self.bodies = {name: self._candidates(name, source) for name in kept}
-        self.sampled = SampledScene(source, self.bodies, comparison)
+        self.sampled = SampledScene(source, self.bodies, comparison.reference)
         every = scene.configurations
         self.chosen = [every[k] for k in sorted({*np.linspace(0, len(every) - 1, min(len(every), _FIRST)).astype(int)})]
         self._seen = 0

@@ -20,7 +20,7 @@ from cmsreduce.pipeline.project import Projected, ProjectStage, ResponseShapes
 from cmsreduce.pipeline.run.bodies import BodyStages
 from cmsreduce.pipeline.run.keys import projected_error, reference_model_key, system_key
 from cmsreduce.pipeline.store import CommonWork, Progress, diagnostic, once, stage
-from cmsreduce.pipeline.system import MODEL, Comparison, ModelMeasure, ReducedModel
+from cmsreduce.pipeline.system import MODEL, Comparison, ModelMeasure, ReducedModel, ReferenceModel
 from cmsreduce.read import read_controller
 from cmsreduce.reduce import SceneKrylov
 
@@ -77,7 +77,7 @@ class ChoiceStages(BodyStages):
         """The reference model, and the measure of errors against it."""
         full = self._assembled({name: found.modes for name, found in self.references.items()})
         bodies = {name: flexible.body for name, flexible in self.bodies.items()}
-        return Comparison(full.assembled, full.shapes, bodies, self.scene, self._points)
+        return Comparison(ReferenceModel(full.assembled, full.shapes, bodies), self._points)
 
     @property
     def _points(self) -> int:
@@ -160,7 +160,8 @@ class ChoiceStages(BodyStages):
     def _projection_source(self) -> ReducedModel:
         """The system whose modes are projected."""
         if self.pipeline.project is not None and self.pipeline.project.of == "full":
-            return ReducedModel(self.comparison.reference, self.comparison.reference_shapes)
+            full = self.comparison.reference
+            return ReducedModel(full.assembled, full.shapes)
         return self.joined(self.kept)
 
     @stage(

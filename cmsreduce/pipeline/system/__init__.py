@@ -12,9 +12,9 @@ from cmsreduce.pipeline.system.comparison import Comparison
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.measure import MODEL, ModelMeasure
-from cmsreduce.pipeline.system.model_errors import Target
 from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality, mass_products
 from cmsreduce.pipeline.system.reduction_health import UnitLoads, channel_gains, reduction_checks, unit_loads
+from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
 from cmsreduce.pipeline.system.simulation_cost import reduced_cost, selection_cost
 from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy
 
@@ -26,6 +26,7 @@ __all__ = [
     "MODEL",
     "ModelMeasure",
     "ReducedModel",
+    "ReferenceModel",
     "SystemRoots",
     "Target",
     "UnitLoads",

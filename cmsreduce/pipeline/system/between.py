@@ -61,7 +61,7 @@ def _reachable(
     for each in some:
         try:
             # A loop may not close at an angle that the scene does not name.
-            _ = comparison.reference.wiring(each), model.assembled.wiring(each)
+            _ = comparison.reference.assembled.wiring(each), model.assembled.wiring(each)
             there.append(each)
         except CmsReduceError as error:
             left_out.append(f"{each.name}: {error}")

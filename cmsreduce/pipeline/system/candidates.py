@@ -12,8 +12,8 @@ from cmsreduce.balance import Effects, Selection, whole_groups
 from cmsreduce.model import BETWEEN, Finding, Measured, ModalComponent
 from cmsreduce.pipeline.system.between import judged_midpoints
 from cmsreduce.pipeline.system.measure import ModelMeasure
-from cmsreduce.pipeline.system.model_errors import Target
 from cmsreduce.pipeline.system.reduced_model import ReducedModel
+from cmsreduce.pipeline.system.reference_model import Target
 from cmsreduce.pipeline.system.trial import Trial
 from cmsreduce.verify import decibel_grid
 
@@ -66,7 +66,7 @@ class Candidates:
         self.components, self.chosen = components, chosen
         full_db = [np.empty((0, 0, 0), dtype=np.complex128)] * len(targets)
         if self._needs_decibels:
-            full_db = measure.comparison.decibels(measure.comparison.reference, [t.configuration for t in targets])
+            full_db = measure.comparison.reference.decibels([t.configuration for t in targets])
         self._trials = [self._trial(target, H, self.limits) for target, H in zip(targets, full_db, strict=True)]
         self._of_midpoints = {name: limit for name, limit in self.limits.items() if name == "frf_error"}
         none = np.empty((0, 0, 0), dtype=np.complex128)

@@ -13,26 +13,15 @@ from cmsreduce.model import (
     ERRORS,
     Configuration,
     ConfigurationResult,
-    FEModel,
-    ModalComponent,
     ModelErrors,
     Response,
-    Scene,
 )
 from cmsreduce.pipeline.store import Progress, diagnostic, once
-from cmsreduce.pipeline.system.assembled import AssembledModel
-from cmsreduce.pipeline.system.model_errors import Target, model_errors
+from cmsreduce.pipeline.system.model_errors import model_errors
 from cmsreduce.pipeline.system.reduced_model import ReducedModel
+from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
 from cmsreduce.pipeline.system.screening import Screen
-from cmsreduce.verify import (
-    channel_scales,
-    db_errors,
-    decibel_grid,
-    frequency_grid,
-    frf_error,
-    responding_channels,
-    thinned,
-)
+from cmsreduce.verify import db_errors, frequency_grid, frf_error, thinned
 
 __all__ = ["Comparison"]
 
@@ -42,44 +31,22 @@ Complex = NDArray[np.complex128]
 # Configurations whose responses are computed together: the work for the bodies is shared. More of them need more memory
 # for a block of frequencies, and delay the report of progress.
 _TOGETHER = 16
-# Reference responses on the decibel grid are kept up to this size.
-_KEPT_BYTES = 2**27
 # One in so many points around a resonance is taken where an error needs two digits: it differs by a few per cent.
 _COARSE = 3
-# Frequencies of the grid of the decibel error at which the elastic response of a channel is looked for.
-_LOOKED_AT = 8
 
 
 class Comparison:
-    """The reference model, and the errors of reduced models against it.
+    """Errors of reduced models against the reference model.
 
     Parameters
     ----------
-    reference : AssembledModel
-        The reference model.
-    reference_shapes : mapping of name to ModalComponent or None
-        Modes whose amplitudes are its coordinates; None where these are dofs.
-    bodies : mapping of name to FEModel
-        Flexible bodies.
-    scene : Scene
-        Configurations, channels, band.
+    reference : ReferenceModel
     points : int
         Grid points before refinement.
     """
 
-    def __init__(
-        self,
-        reference: AssembledModel,
-        reference_shapes: Mapping[str, ModalComponent | None],
-        bodies: Mapping[str, FEModel],
-        scene: Scene,
-        points: int,
-    ) -> None:
-        self.reference, self.reference_shapes, self.bodies, self.scene = reference, reference_shapes, bodies, scene
-        self.points = points
-        self._decibel = decibel_grid(scene.band)
-        self.few = self._decibel[np.linspace(0, self._decibel.size - 1, _LOOKED_AT).astype(np.int64)]
-        self._decibels: dict[str, Complex] = {}
+    def __init__(self, reference: ReferenceModel, points: int) -> None:
+        self.reference, self.scene, self.points = reference, reference.scene, points
         self.reference_seconds = 0.0
         self.reduced_seconds = 0.0
 
@@ -98,7 +65,7 @@ class Comparison:
             points around the others. A peak that the reduced models lack then has the points of the grid alone.
         """
         every = [model.assembled for model in models]
-        found = [model.resonances(configuration) for model in (every if quick else [self.reference, *every])]
+        found = [model.resonances(configuration) for model in (every if quick else [self.reference.assembled, *every])]
         omega = np.concatenate([r.omega for r in found])
         zeta = np.concatenate([r.zeta for r in found])
         grid = frequency_grid(self.scene.band, self.points, omega, zeta, _COARSE if quick else 1)
@@ -147,37 +114,10 @@ class Comparison:
     ) -> tuple[Target, ...]:
         """Reference responses on grids refined at the resonances of the reference model and of one reduced model."""
         grids = [self.grid(configuration, [model], quick=quick) for configuration in configurations]
-        full = self.reference.responses(configurations, grids)
-        # Every reduced model keeps the rigid modes: where the modes of the reference model are not needed, nor are its
-        # matrices.
-        rigid = model.assembled if quick else self.reference
-        return tuple(self._target(*each, rigid) for each in zip(configurations, grids, full, strict=True))
-
-    def target(self, configuration: Configuration, omega: Real) -> Target:
-        """Reference response in a configuration, of the scene or not, on a grid."""
-        return self._target(configuration, omega, self.reference.response(configuration, omega), self.reference)
-
-    def _target(self, configuration: Configuration, omega: Real, H: Complex, of_rigid: AssembledModel) -> Target:
-        rigid = of_rigid.rigid_response(configuration, omega)
-        responding, _ = self.responding(configuration, of_rigid)
-        elastic = np.where(responding, H - rigid, 0.0)
-        row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)
-        return Target(configuration, omega, elastic, rigid, row, column, responding)
-
-    def responding(
-        self, configuration: Configuration, of_rigid: AssembledModel | None = None
-    ) -> tuple[NDArray[np.bool_], Real]:
-        """Channels with an elastic response, and the reach of all at the frequencies ``few``.
-
-        The rigid part is that of the reference model, or of a reduced one, which is the same.
-        """
-        H, reach = self._at_few(configuration)
-        rigid = (of_rigid or self.reference).rigid_response(configuration, self.few)
-        return responding_channels(H - rigid, reach), reach
-
-    @once
-    def _at_few(self, configuration: Configuration) -> tuple[Complex, Real]:
-        return self.reference.collocated(configuration, self.few, self.reference.at(configuration).tables(self.few))
+        full = self.reference.assembled.responses(configurations, grids)
+        # Where the modes of the reference model are not needed, nor are its matrices.
+        rigid = model.assembled if quick else None
+        return tuple(self.reference.as_target(*each, rigid) for each in zip(configurations, grids, full, strict=True))
 
     def candidate_error(self, model: ReducedModel) -> float:
         """Worst response error of a reduced model over all configurations, on grids of its own."""
@@ -203,7 +143,7 @@ class Comparison:
     @property
     @once
     def _screen(self) -> Screen:
-        return Screen(self.reference, self._decibel, self.few)
+        return Screen(self.reference.assembled, self.reference.decibel_grid, self.reference.few)
 
     def _errors(
         self, configurations: Sequence[Configuration], model: ReducedModel, *, quick: bool = False
@@ -228,10 +168,10 @@ class Comparison:
         }
         grids = [self.grid(configuration, list(models.values())) for configuration in configurations]
         started = time.perf_counter()
-        full = self.reference.responses(configurations, grids)
+        full = self.reference.assembled.responses(configurations, grids)
         self.reference_seconds += time.perf_counter() - started
-        full_db = self.decibels(self.reference, configurations)
-        targets = [self._target(*each, self.reference) for each in zip(configurations, grids, full, strict=True)]
+        full_db = self.reference.decibels(configurations)
+        targets = [self.reference.as_target(*each) for each in zip(configurations, grids, full, strict=True)]
         errors: list[dict[str, ModelErrors]] = [{} for _ in configurations]
         curves: list[dict[str, Complex]] = [{} for _ in configurations]
         for number, (label, model) in enumerate(models.items()):
@@ -245,9 +185,9 @@ class Comparison:
         return tuple(
             ConfigurationResult(
                 configuration=configuration,
-                n_full=self.reference.system(configuration).N,
+                n_full=self.reference.assembled.system(configuration).N,
                 n_reduced=own.system(configuration).N,
-                modes_full=self.reference.resonances(configuration).inside(self.scene.band),
+                modes_full=self.reference.assembled.resonances(configuration).inside(self.scene.band),
                 modes_reduced=own.resonances(configuration).inside(self.scene.band),
                 errors=errors[k],
                 response=Response(grids[k] / (2 * np.pi), full[k], curves[k]),
@@ -277,25 +217,10 @@ class Comparison:
         responses = model.assembled.responses(configurations, grids)
         seconds = time.perf_counter() - started
         each = seconds / sum(omega.size for omega in grids)
-        reduced_db = self.decibels(model.assembled, configurations)
+        reduced_db = model.assembled.responses(configurations, [self.reference.decibel_grid] * len(configurations))
         found = []
         for k, (target, H_r) in enumerate(zip(targets, responses, strict=True)):
             in_db = db_errors(full_db[k], reduced_db[k], target.row, target.column)
-            errors = model_errors(self, target, model, H_r, in_db, each * target.omega.size, damped=damped)
+            errors = model_errors(self.reference, target, model, H_r, in_db, each * target.omega.size, damped=damped)
             found.append((errors, H_r))
         return found, seconds
-
-    def decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
-        """Responses on the decibel grid; for many configurations, receptances of the reference bodies are tabulated."""
-        many = model is self.reference and len(self.scene.configurations) > _TOGETHER
-        # Tables are of one set of parameters.
-        many &= not any(each.parameters for each in self.scene.configurations)
-        flexibility = self.reference.tables(self._decibel) if many else None
-        known = self._decibels if model is self.reference else {}
-        new = [each for each in configurations if each.name not in known]
-        found = model.responses(new, [self._decibel] * len(new), flexibility)
-        both = {**known, **{each.name: H for each, H in zip(new, found, strict=True)}}
-        if model is self.reference and sum(H.nbytes for H in both.values()) <= _KEPT_BYTES:
-            # A search, its last proof and the verification need them.
-            self._decibels = both
-        return [both[each.name] for each in configurations]

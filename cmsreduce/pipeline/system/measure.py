@@ -35,7 +35,7 @@ from cmsreduce.pipeline.system.between import errors_between
 from cmsreduce.pipeline.system.comparison import Comparison
 from cmsreduce.pipeline.system.completeness import axis_completeness
 from cmsreduce.pipeline.system.controlled import controller_margins
-from cmsreduce.pipeline.system.model_errors import Target, model_errors
+from cmsreduce.pipeline.system.model_errors import model_errors
 from cmsreduce.pipeline.system.reduced_model import ReducedModel
 from cmsreduce.pipeline.system.reduction_health import (
     StaticProbes,
@@ -44,6 +44,7 @@ from cmsreduce.pipeline.system.reduction_health import (
     reduction_checks,
     unit_loads,
 )
+from cmsreduce.pipeline.system.reference_model import Target
 from cmsreduce.pipeline.system.stability import SystemRoots, system_roots
 
 __all__ = ["MODEL", "ModelMeasure"]
@@ -173,7 +174,7 @@ class ModelMeasure:
         """
         with collecting(Failures()) as failures:
             damped = "damping_error" in limits
-            errors = model_errors(self.comparison, target, model, H_r, in_db, damped=damped)
+            errors = model_errors(self.comparison.reference, target, model, H_r, in_db, damped=damped)
             response = Response(target.omega / (2 * np.pi), target.elastic + target.rigid, {MODEL: H_r})
             result = ConfigurationResult(target.configuration, 0, 0, 0, 0, {MODEL: errors}, response)
             found = self._judged([result], {}, model, limits, [target.configuration], truncated)
@@ -242,7 +243,7 @@ class ModelMeasure:
         usual: bool,
     ) -> ReductionChecks:
         """Static completeness, gains, zeros and step responses; see `reduction_checks`."""
-        full = self.comparison.reference if self.scene.actuators and self.scene.sensors else None
+        full = self.comparison.reference.assembled if self.scene.actuators and self.scene.sensors else None
         return reduction_checks(
             required, usual, self.scene, configurations, self._loaded, components, full, model.assembled
         )

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +9,7 @@ from cmsreduce.model import Configuration, DampedPairs, MacMatrix, ModelErrors, 
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality
+from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
 from cmsreduce.verify import (
     FrequencyPairs,
     channel_errors,
@@ -25,10 +23,7 @@ from cmsreduce.verify import (
     responding_channels,
 )
 
-if TYPE_CHECKING:
-    from cmsreduce.pipeline.system.comparison import Comparison
-
-__all__ = ["Target", "model_errors"]
+__all__ = ["model_errors"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -38,34 +33,8 @@ Complex = NDArray[np.complex128]
 _FALSE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Target:
-    """Response of the reference model in one configuration.
-
-    Parameters
-    ----------
-    configuration : Configuration
-    omega : (f,) float64
-        Circular frequencies in rad/s.
-    elastic, rigid : (f, outputs, inputs) complex128
-        Response without its rigid-body part, and the rigid-body part.
-    row, column : float64
-        Scales of the channels.
-    responding : (outputs, inputs) bool
-        Channels whose elastic response is more than rounding; it is zero in the others.
-    """
-
-    configuration: Configuration
-    omega: Real
-    elastic: Complex
-    rigid: Complex
-    row: Real
-    column: Real
-    responding: NDArray[np.bool_]
-
-
 def model_errors(
-    comparison: Comparison,
+    reference: ReferenceModel,
     target: Target,
     model: ReducedModel,
     H_r: Complex,
@@ -78,8 +47,7 @@ def model_errors(
 
     Parameters
     ----------
-    comparison : Comparison
-        With the reference model.
+    reference : ReferenceModel
     target : Target
         Response of the reference model.
     model : ReducedModel
@@ -94,13 +62,13 @@ def model_errors(
     """
     configuration, omega, H = target.configuration, target.omega, target.elastic
     row, column = target.row, target.column
-    alone = _share_alone(comparison, configuration, model)
+    alone = _share_alone(reference, configuration, model)
     false = alone > 0
     responding = target.responding | false
     # In a channel that responds in neither model, both responses are rounding.
     elastic = np.where(responding, H_r - model.assembled.rigid_response(configuration, omega), 0.0)
     loud = loud_channels(H, row, column, omega) | false
-    pairs, mac = _pairs(comparison, configuration, model)
+    pairs, mac = _pairs(reference, configuration, model)
     shape, peak = frac(H, elastic), peak_errors(H, elastic)
     shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
     sure = loud & ~false
@@ -116,7 +84,7 @@ def model_errors(
         full_hz=pairs.full_hz,
         reduced_hz=pairs.reduced_hz,
         mac=pairs.mac,
-        damped=_damped_pairs(comparison, configuration, model) if damped else None,
+        damped=_damped_pairs(reference, configuration, model) if damped else None,
         peak_error=float(peak[sure].max(initial=0.0)) if sure.any() else nothing,
         frac_error=float((1 - shape[sure]).max(initial=0.0)) if sure.any() else nothing,
         channel_errors=np.where(false, alone, channel_errors(omega, H, elastic)),
@@ -128,48 +96,48 @@ def model_errors(
         seconds=seconds,
         responding=responding,
         loud=loud,
-        lost=_alone(comparison.reference, configuration, pairs.lost, highest),
+        lost=_alone(reference.assembled, configuration, pairs.lost, highest),
         extra=_alone(model.assembled, configuration, pairs.extra, highest_r),
     )
 
 
-def _share_alone(comparison: Comparison, configuration: Configuration, model: ReducedModel) -> Real:
+def _share_alone(reference: ReferenceModel, configuration: Configuration, model: ReducedModel) -> Real:
     """Largest share (outputs, inputs) of its reach that a channel has in the reduced model alone; 0 of other channels.
 
     The reference model is silent there, so that no response of its own can be the measure.
     """
-    responding, reach = comparison.responding(configuration)
+    responding, reach = reference.responding(configuration)
     if responding.all():
         return np.zeros(responding.shape)
-    H_r = model.assembled.response(configuration, comparison.few)
-    elastic = H_r - model.assembled.rigid_response(configuration, comparison.few)
+    H_r = model.assembled.response(configuration, reference.few)
+    elastic = H_r - model.assembled.rigid_response(configuration, reference.few)
     false = ~responding & responding_channels(elastic, reach, _FALSE)
     share = np.divide(abs(elastic), reach, out=np.full(reach.shape, np.inf), where=reach > 0)
     return np.where(false, share.max(axis=0, where=elastic != 0, initial=0.0), 0.0)
 
 
 def _pairs(
-    comparison: Comparison, configuration: Configuration, model: ReducedModel
+    reference: ReferenceModel, configuration: Configuration, model: ReducedModel
 ) -> tuple[FrequencyPairs, MacMatrix]:
-    full, reduced = comparison.reference.resonances(configuration), model.assembled.resonances(configuration)
-    cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(comparison, configuration))
+    full, reduced = reference.assembled.resonances(configuration), model.assembled.resonances(configuration)
+    cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(reference, configuration))
     # Both sets are orthonormal in mass.
     mac = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
-    low, high = comparison.scene.band
+    low, high = reference.scene.band
     return pair_frequencies(full.omega, reduced.omega, cross, high, low), mac
 
 
 @diagnostic(
     "the damping of the modes in '{}'",
-    about=lambda comparison, configuration, _: configuration.name,
+    about=lambda reference, configuration, _: configuration.name,
     limits=("damping_error",),
 )
-def _damped_pairs(comparison: Comparison, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
-    full, reduced = comparison.reference.damped_modes(configuration), model.assembled.damped_modes(configuration)
+def _damped_pairs(reference: ReferenceModel, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
+    full, reduced = reference.assembled.damped_modes(configuration), model.assembled.damped_modes(configuration)
     if full is None or reduced is None:
         return None
-    cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(comparison, configuration))
-    return pair_complex_modes(full.s, reduced.s, cross, comparison.scene.band[1])
+    cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(reference, configuration))
+    return pair_complex_modes(full.s, reduced.s, cross, reference.scene.band[1])
 
 
 def _frf_error(target: Target, elastic: Complex, alone: Real) -> float:

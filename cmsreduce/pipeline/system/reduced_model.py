@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,10 +12,8 @@ from cmsreduce.linalg.blocks import column_blocks, symmetric_product
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Substructure, Values, varied
 from cmsreduce.pipeline.store import once
 from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.pipeline.system.reference_model import ReferenceModel
 from cmsreduce.pipeline.system.resonances import Number
-
-if TYPE_CHECKING:
-    from cmsreduce.pipeline.system.comparison import Comparison
 
 __all__ = ["ReducedModel", "cross_orthogonality", "mass_products"]
 
@@ -43,18 +40,18 @@ class ReducedModel:
         found._wider = self, kept
         return found
 
-    def masses(self, comparison: Comparison, configuration: Configuration) -> dict[str, Matrix]:
+    def masses(self, reference: ReferenceModel, configuration: Configuration) -> dict[str, Matrix]:
         """Mass of each body between its coordinates in the reference model and in this model."""
         if self._wider is not None:
             wider, kept = self._wider
-            found = wider.masses(comparison, configuration)
+            found = wider.masses(reference, configuration)
             return {name: M[:, kept[name]] if name in kept else M for name, M in found.items()}
-        return self._masses(comparison, tuple(configuration.parameters.items()))
+        return self._masses(reference, tuple(configuration.parameters.items()))
 
     @once
-    def _masses(self, comparison: Comparison, values: tuple[tuple[str, float], ...]) -> dict[str, Matrix]:
-        bodies = comparison.reference.at(Configuration("", parameters=dict(values))).substructures
-        return mass_products(comparison.bodies, comparison.reference_shapes, self.shapes, bodies, dict(values))
+    def _masses(self, reference: ReferenceModel, values: tuple[tuple[str, float], ...]) -> dict[str, Matrix]:
+        subs = reference.assembled.at(Configuration("", parameters=dict(values))).substructures
+        return mass_products(reference.bodies, reference.shapes, self.shapes, subs, dict(values))
 
 
 def mass_products(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import Change, ModalReceptance
 from cmsreduce.balance import ChangedResponse, Selection
-from cmsreduce.pipeline.system.model_errors import Target
+from cmsreduce.pipeline.system.reference_model import Target
 from cmsreduce.verify import PERCENTILE, channel_errors, db_errors, loud_channels
 
 __all__ = ["Trial"]

@@ -82,7 +82,7 @@ def compared(seed: int, folder: Path) -> Compared:
     (H, rigid), (H_r, _) = (_in_units(scene, full, omega), _in_units(scene, reduced, omega))
     errors, floor = found.errors["reduced"], _floor(scene, full, band)
     sharpness = max(_sharpness(full, band), _sharpness(reduced, band))
-    own_full = run.comparison.reference.resonances(found.configuration).omega
+    own_full = run.comparison.reference.assembled.resonances(found.configuration).omega
     own_reduced = run.model.assembled.resonances(found.configuration).omega
     displacement = all(modal.static_count == 0 for modal in run.final.values())
     count = min(w.size, w_r.size)

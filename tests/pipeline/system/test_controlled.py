@@ -44,7 +44,7 @@ def controlled(study: Path, opened: Callable[..., Run]) -> Callable[..., Run]:
 
 def loops(run: Run, full: bool) -> np.ndarray:
     """Roots of the loop closed around either system in the first configuration."""
-    model = run.comparison.reference if full else run.model.assembled
+    model = run.comparison.reference.assembled if full else run.model.assembled
     plant, k = state_space(model.system(run.scene.configurations[0])), run.controller
     closed = np.block([[plant.A, -plant.B @ k.C], [k.B @ plant.C, k.A]])
     return la.eigvals(closed)

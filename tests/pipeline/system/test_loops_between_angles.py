@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.model import Configuration
-from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
+from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel, ReferenceModel
 from tests.assemble.response.test_near_modes import four_bar
 
 # The module, and not the function of the same name that it holds.
@@ -23,7 +23,8 @@ def test_errors_are_those_by_the_forces_in_all_joints(monkeypatch: pytest.Monkey
 
     def errors(configurations: list[Configuration]) -> np.ndarray:
         full = AssembledModel(subs, replace(scene, configurations=(Configuration("as built"),)))
-        return Comparison(full, {}, {}, full.scene, 100).screened(configurations, ReducedModel(full.narrowed(few), {}))
+        comparison = Comparison(ReferenceModel(full, {}, {}), 100)
+        return comparison.screened(configurations, ReducedModel(full.narrowed(few), {}))
 
     found = errors(turned)
     # The angles of the other joints that close the loop, by the triangles of the linkage, are found before.

@@ -50,13 +50,13 @@ def test_gains_sum_to_the_static_response(opened: Callable[..., Run]) -> None:
 def test_zeros_are_off_by_no_more_than_the_poles(opened: Callable[..., Run]) -> None:
     run = opened()
     configuration = run.scene.configurations[0]
-    both = [all_modes(model, configuration) for model in (run.comparison.reference, run.model.assembled)]
+    both = [all_modes(model, configuration) for model in (run.comparison.reference.assembled, run.model.assembled)]
     pairs = zeros_apart(*both, run.model.assembled, configuration)
     assert [(pair.output, pair.input) for pair in pairs] == [(y, u) for y in range(3) for u in range(2)]
     shifts = np.concatenate([pair.shift for pair in pairs])
     assert shifts.size > 10 and shifts.max() < 1e-4
     # The undamped response of the unreduced system, solved from its matrices, vanishes there.
-    system = run.comparison.reference.system(configuration)
+    system = run.comparison.reference.assembled.system(configuration)
     K, M = dense(system.K), dense(system.M)
     zero = next(z for z in pairs[0].full if abs(z.real) < 1e-9 * abs(z) and abs(z) > 2 * np.pi).imag
     at, beside = (
@@ -86,8 +86,8 @@ def test_the_hinge_of_a_run() -> None:
 def test_a_step_is_a_sum_over_complex_modes(opened: Callable[..., Run]) -> None:
     run = opened("balance.keep={modes: {arm: 8, panel: 8}}")
     configuration = run.scene.configurations[0]
-    found = step_compared(run.comparison.reference, run.model.assembled, configuration)
-    for model, steps in ((run.comparison.reference, found.full), (run.model.assembled, found.reduced)):
+    found = step_compared(run.comparison.reference.assembled, run.model.assembled, configuration)
+    for model, steps in ((run.comparison.reference.assembled, found.full), (run.model.assembled, found.reduced)):
         states = elastic_states(model.system(configuration))
         s, V = np.linalg.eig(states.A)
         modal = np.linalg.solve(V, states.B)

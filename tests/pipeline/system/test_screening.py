@@ -35,7 +35,7 @@ def test_a_few_points_show_the_error_of_the_fine_grid(
     w = np.geomspace(2 * np.pi * 0.2, 2 * np.pi * 200, 8 * 999 + 1)
     assert sum(solved) < w.size * 2 * len(some) / 4
     for each, (frf, _) in zip(some, found, strict=True):
-        full, reduced = (m.response(each, w) for m in (run.comparison.reference, run.model.assembled))
+        full, reduced = (m.response(each, w) for m in (run.comparison.reference.assembled, run.model.assembled))
         rigid = run.model.assembled.rigid_response(each, w)
         scales = channel_scales(run.scene.actuators, run.scene.sensors, full - rigid, full, w)
         assert frf == pytest.approx(frf_error(w, full - rigid, reduced - rigid, *scales), rel=2e-3)
