@@ -272,14 +272,14 @@ def _run(path: Path) -> Inspected:
 
 def _checks(run: Run) -> Iterator[InspectedLine]:
     """Static completeness of each body; high gains above the band, zeros, steps and the controller in each scene."""
-    for name, loads in run.verification.checks.static.items():
+    for name, loads in run.checks.static.items():
         yield InspectedLine(f"{name}: static energy error of each load, balanced at the interface")
         for load, lack in loads.items():
             yield InspectedLine(f"{lack:.2e}", load, depth=1)
-    for system in run.verification.checks.systems:
+    for system in run.checks.systems:
         for text in (*_gains(run, system), *_zeros(run, system), *_steps(run, system)):
             yield InspectedLine(text, system.configuration)
-    for margin in run.verification.margins:
+    for margin in run.margins:
         proof = "proves" if margin.ratio < 1 and margin.unstable == 0 else "does not prove"
         growing = "" if not margin.unstable else f"; the reduced loop has {margin.unstable} unstable roots"
         yield InspectedLine(
@@ -287,7 +287,7 @@ def _checks(run: Run) -> Iterator[InspectedLine]:
             f"it {proof} the full loop stable{growing}",
             margin.configuration,
         )
-    for missing in run.verification.checks.left_out:
+    for missing in run.checks.left_out:
         yield InspectedLine(missing, "not checked")
 
 

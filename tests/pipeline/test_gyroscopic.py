@@ -113,7 +113,7 @@ def test_wheels_and_rotors_against_dense_algebra(tmp_path: Path, dense: Dense) -
             run.comparison.reference.assembled.response(each, omega)[:, -1, 0], wanted, rtol=1e-6
         )
         np.testing.assert_allclose(run.model.assembled.response(each, omega)[:, -1, 0], wanted, rtol=2e-3)
-    (note,) = [note for note in run.verification.notes(run.verified) if "gyroscopic" in note]
+    (note,) = [note for note in run.verification_notes(run.verified) if "gyroscopic" in note]
     found = re.search(r"those of the reference to ([\d.]+) %", note)
     assert found is not None and 0 < float(found[1]) < 0.1
 

@@ -182,11 +182,11 @@ def _result(run: Run) -> RunResult:
         projection=None if run.projected is None else run.projected.record,
         search=run.choice.search,
         sensitivity=run.sensitivity,
-        completeness=run.verification.completeness if verified is not None else (),
+        completeness=run.completeness if verified is not None else (),
         checks=verified.checks if verified is not None else None,
-        margins=run.verification.margins if verified is not None else (),
+        margins=run.margins if verified is not None else (),
         between=verified.between if verified is not None else None,
-        proofs=(run.verification.stability,),
+        proofs=(run.stability,),
     )
 
 

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.config import CompareKeys, LimitKeys
-from cmsreduce.errors import StageError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.model import ConfigurationResult, ModalComponent, Values
+from cmsreduce.model import ModalComponent, Values
 from cmsreduce.orthogonalise import at_parameters
-from cmsreduce.pipeline.bodies import all_modes, spin_notes
-from cmsreduce.pipeline.run.choice import ChoiceStages
-from cmsreduce.pipeline.run.verification import Verification, Verified
-from cmsreduce.pipeline.store import Failures, collecting, diagnostic, once, report_failures, stage
-from cmsreduce.pipeline.system import MODEL, ReducedModel
+from cmsreduce.pipeline.bodies import all_modes
+from cmsreduce.pipeline.run.verification import VerifyStages
+from cmsreduce.pipeline.store import once
+from cmsreduce.pipeline.system import MODEL
 
 __all__ = ["MODEL", "STAGES", "Run"]
 
@@ -30,8 +26,8 @@ STAGES = ("read", "reduce", "orthogonalise", "balance", "project", "assemble", "
 """Stages in the order data flows."""
 
 
-class Run(ChoiceStages):
-    """One run of a pipeline: the stages of its bodies, the choice of modes, and the system of all bodies.
+class Run(VerifyStages):
+    """One run of a pipeline: the stages of its bodies, the choice of modes, the system of all bodies, and its files.
 
     Takes what :class:`BodyStages` takes.
     """
@@ -70,20 +66,6 @@ class Run(ChoiceStages):
         return motions @ self.written(name).Phi if in_dofs else motions
 
     @property
-    @stage(
-        "assemble",
-        needs=["final"],
-        notes=lambda run, found: spin_notes(run.pipeline.scene.spin, run.bodies, run.final),
-    )
-    def model(self) -> ReducedModel:
-        """The reduced system of the run, assembled in every configuration."""
-        model = self.joined(self.final)
-        for number, configuration in enumerate(self.scene.configurations):
-            model.assembled.system(configuration)
-            self.stages.progress.advance(number + 1, len(self.scene.configurations))
-        return model
-
-    @property
     def is_finished(self) -> bool:
         """True if every stage is stored for these files and settings, so that nothing is left to compute."""
         store = self.stages.store
@@ -92,58 +74,6 @@ class Run(ChoiceStages):
             return False
         return store.facts("verify", "system", self._system_key("verify")) is not None
 
-    def models(self) -> dict[str, ReducedModel]:
-        """The reduced models that are compared with the reference model, the run's own first."""
-        models = {MODEL: self.model}
-        keys = self.pipeline.verify
-        for label, ranking in (keys.compare if keys else {}).items():
-            model = self._other(label, ranking)
-            if model is not None:
-                models[label] = model
-        return models
-
-    @diagnostic("the comparison with the model '{}'", about=lambda run, label, _: label, passes=(StageError,))
-    def _other(self, label: str, ranking: CompareKeys) -> ReducedModel | None:
-        """A model that the run's own is compared with."""
-        return self.joined(self.balancing.kept_by(ranking, ranking.reduce))
-
-    def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
-        """Errors and curves of reduced models in every configuration."""
-        return self.comparison.errors(models, self.stages.progress)
-
     def on_bodies(self, work: Callable[..., T], names: Sequence[str], *shared: object) -> list[T]:
         """Results of a piece of work on each of some bodies; it takes the run, a name, and what all have in common."""
         return [work(self, name, *shared) for name in names]
-
-    @property
-    @once
-    def verification(self) -> Verification:
-        """Checks, margins and proofs of the reduced system."""
-        return Verification(self)
-
-    @property
-    @stage(
-        "verify",
-        key=lambda run: run._system_key("verify") if run.has_response else None,
-        needs=["model", "comparison"],
-        notes=lambda run, found: run.verification.notes(found),
-        again=lambda found: bool(found.failures),
-    )
-    def _verified(self) -> Verified:
-        with collecting(Failures(log=self.stages.failures.log)) as failed:
-            found = self.verification.measured()
-        return replace(found, failures=tuple(failed))
-
-    @property
-    @once
-    @diagnostic(
-        "the verification",
-        lambda: Verified((), {}, 0.0, 0.0),
-        limits=tuple(LimitKeys.model_fields),
-        passes=(StageError,),
-    )
-    def verified(self) -> Verified:
-        """Errors and curves of the reduced models in every configuration; a configuration that failed is missing."""
-        found = self._verified
-        report_failures(found.failures)
-        return found

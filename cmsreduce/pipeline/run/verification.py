@@ -1,11 +1,12 @@
-"""Verification of a run: errors at midpoint configurations, checks, margins and proofs of the reduced system."""
+"""Stages of a run that verify its reduced system: errors, checks, margins and proofs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
 
+from cmsreduce.config import LimitKeys
+from cmsreduce.errors import StageError
 from cmsreduce.model import (
     AxisCompleteness,
     BetweenErrors,
@@ -16,19 +17,11 @@ from cmsreduce.model import (
     ReductionChecks,
 )
 from cmsreduce.pipeline.bodies import ALL_MODES_LIMIT
-from cmsreduce.pipeline.store import diagnostic, once
-from cmsreduce.pipeline.system import (
-    MODEL,
-    SystemRoots,
-    completeness_note,
-    stability_proof,
-    without_energy,
-)
+from cmsreduce.pipeline.run.system import SystemStages
+from cmsreduce.pipeline.store import Failures, collecting, diagnostic, once, report_failures, stage
+from cmsreduce.pipeline.system import SystemRoots, completeness_note, stability_proof, without_energy
 
-if TYPE_CHECKING:
-    from cmsreduce.pipeline.run.run import Run
-
-__all__ = ["MODEL", "Verification", "Verified"]
+__all__ = ["Verified", "VerifyStages"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,44 +53,64 @@ class Verified:
     failures: tuple[Failure, ...] = ()
 
 
-class Verification:
-    """Measure the reduced system of a run.
+class VerifyStages(SystemStages):
+    """The stages of a run that measure its reduced system.
 
-    Parameters
-    ----------
-    run : Run
-        Its bodies, its reduced system and the reference model.
+    Takes what :class:`BodyStages` takes.
     """
 
-    def __init__(self, run: Run) -> None:
-        self.run = run
+    @property
+    @stage(
+        "verify",
+        key=lambda run: run._system_key("verify") if run.has_response else None,
+        needs=["model", "comparison"],
+        notes=lambda run, found: run.verification_notes(found),
+        again=lambda found: bool(found.failures),
+    )
+    def _verified(self) -> Verified:
+        with collecting(Failures(log=self.stages.failures.log)) as failed:
+            found = self._findings()
+        return replace(found, failures=tuple(failed))
 
-    def measured(self) -> Verified:
-        """Measure the errors and checks of the reduced models."""
-        if not self.run.has_response:
+    @property
+    @once
+    @diagnostic(
+        "the verification",
+        lambda: Verified((), {}, 0.0, 0.0),
+        limits=tuple(LimitKeys.model_fields),
+        passes=(StageError,),
+    )
+    def verified(self) -> Verified:
+        """Errors and curves of the reduced models in every configuration; a configuration that failed is missing."""
+        found = self._verified
+        report_failures(found.failures)
+        return found
+
+    def _findings(self) -> Verified:
+        if not self.has_response:
             return Verified((), {}, 0.0, 0.0, self._checked())
-        comparison = self.run.comparison
+        comparison = self.comparison
         # Another point of a sweep may have used the same model.
         comparison.reference_seconds = comparison.reduced_seconds = 0.0
-        results = self.run.measured(self.run.models())
-        labels = {name: found.label for name, found in self.run.references.items()}
+        results = self.measured(self.models())
+        labels = {name: found.label for name, found in self.references.items()}
         times = comparison.reference_seconds, comparison.reduced_seconds
         return Verified(results, labels, *times, self._checked(), self._between())
 
-    def notes(self, found: Verified) -> Iterator[str]:
-        """Yield what a reader of the findings must know."""
+    def verification_notes(self, found: Verified) -> Iterator[str]:
+        """What a reader of the findings must know."""
         if (poor := completeness_note(self.completeness)) is not None:
             yield poor
-        if not self.run.has_response:
+        if not self.has_response:
             yield "nothing was verified: the scene names no actuator or no sensor"
             return
-        if (keys := self.run.pipeline.verify) is not None and keys.required_checks:
+        if (keys := self.pipeline.verify) is not None and keys.required_checks:
             yield from (f"not checked: {missing}" for missing in found.checks.left_out)
         yield from _between_notes(found.between)
         yield from self._whirl_note(found)
         short = {name: label for name, label in found.reference.items() if label.startswith("modes")}
-        sizes = {name: self.run.bodies[name].body.n for name in short}
-        together = {} if self.run.all_modes_fit else {n: size for n, size in sizes.items() if size <= ALL_MODES_LIMIT}
+        sizes = {name: self.bodies[name].body.n for name in short}
+        together = {} if self.all_modes_fit else {n: size for n, size in sizes.items() if size <= ALL_MODES_LIMIT}
         if together:
             yield (
                 f"{len(together)} bodies have {sum(together.values())} dofs together, too many for all modes of each; "
@@ -118,7 +131,7 @@ class Verification:
             errors = next(iter(result.errors.values()), None)
             if errors is None or errors.damped is None or not errors.damped.full.size:
                 continue
-            if self.run.model.assembled.system(result.configuration).gyroscopic:
+            if self.model.assembled.system(result.configuration).gyroscopic:
                 shift = abs(errors.damped.reduced - errors.damped.full) / abs(errors.damped.full)
                 if shift.max() > worst:
                     worst, at = float(shift.max()), int(shift.argmax())
@@ -132,57 +145,55 @@ class Verification:
 
     def _between(self) -> BetweenErrors | None:
         """Errors at midpoint configurations; None without a verify stage, or if the project stage measured them."""
-        keys, project = self.run.pipeline.verify, self.run.pipeline.project
+        keys, project = self.pipeline.verify, self.pipeline.project
         if keys is None or (project is not None and project.between):
             return None
-        return self.run.measure.errors_between(self.run.model)
+        return self.measure.errors_between(self.model)
 
     def _checked(self) -> ReductionChecks:
-        run = self.run
-        keys = run.measure.keys
-        reduced = {name: run.final[name] for name in run.reduced_names}
-        configurations = run.scene.configurations
-        return run.measure.checks(keys.required_checks, reduced, run.model, configurations, usual=keys.checks is None)
+        keys = self.measure.keys
+        reduced = {name: self.final[name] for name in self.reduced_names}
+        configurations = self.scene.configurations
+        return self.measure.checks(keys.required_checks, reduced, self.model, configurations, usual=keys.checks is None)
 
     @property
     @once
     def checks(self) -> ReductionChecks:
         """Checks of the reduction beside its errors: from verify, or made now if the pipeline has no verify."""
-        return self.run.verified.checks if self.run.pipeline.verify is not None else self._checked()
+        return self.verified.checks if self.pipeline.verify is not None else self._checked()
 
     @property
     @once
     def completeness(self) -> tuple[AxisCompleteness, ...]:
         """Share of the inertia at each hinge that the modes hold; empty if hinges move each other, as in a loop."""
-        return self.run.measure.completeness(self.run.model, self.run.scene.configurations)
+        return self.measure.completeness(self.model, self.scene.configurations)
 
     @property
     @once
     def margins(self) -> tuple[ControllerMargin, ...]:
         """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
-        if self.run.controller is None or self.run.pipeline.verify is None:
+        if self.controller is None or self.pipeline.verify is None:
             return ()
-        return self.run.measure.margins(self.run.verified.configurations, lambda: self.roots)
+        return self.measure.margins(self.verified.configurations, lambda: self.roots)
 
     @property
     @once
     def _without_energy(self) -> str:
         """Reason why energies do not prove the reduced system stable; empty if they do."""
         # A damping matrix of a body that could give energy was refused when the body was read or its modes were made.
-        if self.run.controller is not None:
+        if self.controller is not None:
             return "the controller"
-        run = self.run
-        model = run.model.assembled
+        model = self.model.assembled
         # A damping matrix was proven by a factor without what parameters add to it.
-        damped = [name for name, each in run.bodies.items() if all(term.letter != "D" for term in each.body.terms)]
-        found = (without_energy(model.at(each).substructures, damped) for each in run.scene.configurations)
+        damped = [name for name, each in self.bodies.items() if all(term.letter != "D" for term in each.body.terms)]
+        found = (without_energy(model.at(each).substructures, damped) for each in self.scene.configurations)
         return next((suspect for suspect in found if suspect), "")
 
     @property
     @once
     def roots(self) -> Mapping[str, SystemRoots | None]:
         """Roots of the reduced system in each configuration, its loop closed; None where they are not known."""
-        return self.run.measure.roots(self.run.model, self.run.scene.configurations)
+        return self.measure.roots(self.model, self.scene.configurations)
 
     @property
     @once

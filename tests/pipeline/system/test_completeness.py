@@ -23,7 +23,7 @@ def test_what_all_modes_leave_is_the_rigid_inertia_against_the_mobility_of_the_h
 ) -> None:
     """Without an eigenproblem: (c M^-1 c^T J)^-1, J the inertia that the hinge feels of rigid bodies."""
     run = opened("balance.keep={modes: {arm: 6, panel: 5}}")
-    found = run.verification.completeness
+    found = run.completeness
     assert [each.axis for each in found] == ["hinge.ry", "hinge.ry"]
     for each, configuration in zip(found, run.scene.configurations, strict=True):
         assert each.configuration == configuration.name
@@ -39,7 +39,7 @@ def test_what_all_modes_leave_is_the_rigid_inertia_against_the_mobility_of_the_h
 
 
 def test_all_modes_of_the_mode_sets_miss_nothing(opened: Callable[..., Run]) -> None:
-    for each in opened().verification.completeness:
+    for each in opened().completeness:
         assert each.missing == pytest.approx(0, abs=1e-12) and not each.poor
 
 
@@ -64,11 +64,11 @@ def test_the_limit_is_on_what_is_lost(kept: float, whole: float, said: bool) -> 
 
 def test_hinges_that_a_spring_holds_and_scenes_without_joints_have_none(opened: Callable[..., Run]) -> None:
     hinge = "scene.joints.hinge={connect: [arm.tip, panel.root], free: [ry], stiffness: {ry: 50.0}}"
-    assert opened(hinge, "scene.articulation={}").verification.completeness == ()
+    assert opened(hinge, "scene.articulation={}").completeness == ()
 
 
 def test_galileo_has_kept_the_inertia_of_both_its_hinges(tmp_path: Path) -> None:
     run = Run(load_pipeline(ROOT / "pipelines" / "galileo.yaml"), tmp_path, Silent())
-    found = run.verification.completeness
+    found = run.completeness
     assert {each.axis for each in found} == {"spin.rz", "cone.ry"} and len(found) == 16
     assert max(each.missing for each in found) < 1e-3 and max(each.kept for each in found) < 0.02

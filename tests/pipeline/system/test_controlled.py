@@ -53,7 +53,7 @@ def loops(run: Run, full: bool) -> np.ndarray:
 @pytest.mark.parametrize("gain", [-20.0, -2.0, -0.2, 0.2, 2.0, 20.0, 200.0])
 def test_what_is_proven_is_so(controlled: Callable[..., Run], gain: float) -> None:
     run = controlled(gain)
-    margin = run.verification.margins[0]
+    margin = run.margins[0]
     growing = int(np.count_nonzero(loops(run, full=False).real > 1e-5 * 2 * np.pi * 60))
     assert margin.unstable == growing
     if margin.ratio < 1 and not growing:
@@ -66,7 +66,7 @@ def test_what_is_proven_is_so(controlled: Callable[..., Run], gain: float) -> No
 def test_the_ratio_of_one_channel_by_hand(controlled: Callable[..., Run]) -> None:
     """One signal, one effort: |dG k| / |1 + G_r k| with the response between them alone."""
     run = controlled(2.0)
-    margin, result = run.verification.margins[0], run.verified.configurations[0]
+    margin, result = run.margins[0], run.verified.configurations[0]
     s = 2j * np.pi * result.response.frequency_hz
     k = 2.0 * 60.0**2 / (s**2 + 1.4 * 60.0 * s + 60.0**2)
     G, G_r = (H[:, :, 1] for H in (result.response.full, result.response.reduced["reduced"]))

@@ -103,7 +103,7 @@ def test_a_step_is_a_sum_over_complex_modes(opened: Callable[..., Run]) -> None:
 
 def test_checks_are_stored_whole(opened: Callable[..., Run]) -> None:
     run = opened("verify.checks=[static, gains, zeros, step]")
-    checks = run.verification.checks
+    checks = run.checks
     again = run_again(checks)
     assert again.figures(("a", "b"), ("x", "y", "z")) == checks.figures(("a", "b"), ("x", "y", "z"))
     for old, new in zip(checks.systems, again.systems, strict=True):
@@ -128,15 +128,15 @@ ASKED = {
 
 @pytest.mark.parametrize(("overrides", "found"), ASKED.values(), ids=ASKED)
 def test_what_is_asked_for_is_done(opened: Callable[..., Run], overrides: tuple[str, ...], found: set[str]) -> None:
-    figures = opened(*overrides).verification.checks.figures(("a", "b"), ("x", "y", "z"))
+    figures = opened(*overrides).checks.figures(("a", "b"), ("x", "y", "z"))
     assert set(figures) == found
 
 
 def test_what_cannot_be_had_is_said(opened: Callable[..., Run]) -> None:
     law = "{structural: 0.02}"
     run = opened(f"components.arm.damping={law}", f"components.panel.damping={law}", "verify.checks=[step]")
-    assert run.verification.checks.systems[0].step is None
-    (why,) = run.verification.checks.left_out
+    assert run.checks.systems[0].step is None
+    (why,) = run.checks.left_out
     assert why.startswith("step: structural damping is a complex stiffness")
 
 

@@ -29,7 +29,7 @@ def test_energies_prove_a_system_without_its_roots(opened: Callable[..., Run], m
     from cmsreduce.pipeline.system import measure as module
 
     monkeypatch.setattr(module, "system_roots", lambda *_: pytest.fail("no roots are needed"))
-    proof = opened().verification.stability
+    proof = opened().stability
     assert proof.state == "proven" and proof.digits == pytest.approx(9)
 
 
@@ -109,7 +109,7 @@ def test_an_undamped_system_stands_still(opened: Callable[..., Run]) -> None:
     for configuration in run.scene.configurations:
         found = system_roots(run.model.assembled, configuration)
         assert found is not None and not found.growing.size
-    assert run.verification.stability.state == "proven"
+    assert run.stability.state == "proven"
 
 
 def test_unknown_roots_prove_nothing() -> None:
