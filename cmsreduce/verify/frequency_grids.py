@@ -57,16 +57,19 @@ def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: A
     """
     low, high = lowest_frequency(band), band[1]
     grid = [2 * np.pi * np.geomspace(low, high, points)]
-    damped = zeta > _DAMPED
-    width = np.where(damped, zeta, _NO_DAMPING) * omega
     offsets = np.concatenate([_OFFSETS[:1], _OFFSETS[1::coarse]])
-    offsets = offsets if damped.all() else offsets[1:]
-    distance = width[:, None] * offsets
+    offsets = offsets if (zeta > _DAMPED).all() else offsets[1:]
+    distance = _half_widths(omega, zeta)[:, None] * offsets
     near = (offsets <= _OUTSIDE) | (distance <= _FLANK * omega[:, None])
     for sign in (-1.0, 1.0):
         grid.append((omega[:, None] + sign * distance)[near])
     w = np.unique(np.concatenate(grid))
     return w[(w >= 2 * np.pi * low * (1 - 1e-12)) & (w <= 2 * np.pi * high * (1 + 1e-12))]
+
+
+def _half_widths(omega: Array, zeta: Array) -> Array:
+    """Half-power half-widths of resonances in rad/s; a mode without damping has the one that its peak is given."""
+    return np.asarray(np.where(zeta > _DAMPED, zeta, _NO_DAMPING) * omega)
 
 
 def decibel_grid(band: tuple[float, float]) -> Array:
@@ -110,13 +113,19 @@ def thinned(grid: Array, omega: Array, zeta: Array, points: int) -> Array:
     if not omega.size:
         return grid
     order = np.argsort(omega)
-    peaks, half_width = omega[order], np.maximum(zeta[order], 1e-5)
+    peaks, least = omega[order], _THINNING * _half_widths(omega, zeta)[order]
     # The first resonance from which the next one is not nearer.
     nearest = np.searchsorted((peaks[1:] + peaks[:-1]) / 2, grid)
     # Between resonances the response is the smoother the farther they are; the grid before refinement stays.
     between = np.log(grid[-1] / grid[0]) / points / 2 * grid
     smooth = np.minimum(_SMOOTH * abs(grid - peaks[nearest]), between)
-    spacing = np.maximum(_THINNING * half_width[nearest] * grid, smooth).tolist()
+    # A sharp peak needs its points beside a broad one that is nearer to them, too: the least sum of both terms over all
+    # resonances below, and over all above.
+    below, above = np.searchsorted(peaks, grid, side="right"), np.searchsorted(peaks, grid)
+    lowest = np.minimum.accumulate(np.append(np.inf, least - _SMOOTH * peaks))[below]
+    highest = np.minimum.accumulate(np.append(np.inf, (least + _SMOOTH * peaks)[::-1]))[peaks.size - above]
+    sharp = np.minimum(lowest + _SMOOTH * grid, highest - _SMOOTH * grid)
+    spacing = np.minimum(np.maximum(least[nearest], smooth), sharp).tolist()
     w, keep = grid.tolist(), [0]
     for k in range(1, grid.size):
         if w[k] - w[keep[-1]] >= spacing[k]:

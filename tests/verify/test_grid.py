@@ -84,3 +84,28 @@ def test_thinned_grids_integrate_as_all_points_do(zeta: float, points: int) -> N
     assert np.diff(few).max() <= 2.1 * np.diff(grid).max()
     every = np.unique(np.concatenate([grid + k / 20 * np.diff(grid, append=grid[-1]) for k in range(20)]))
     assert error(few) == pytest.approx(error(every), rel=0.005)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-4, 1e-3])
+@pytest.mark.parametrize("sharp", [1e-4, 1e-5, 1e-8])
+@pytest.mark.parametrize("broad", [0.02, 0.5])
+def test_a_sharp_peak_beside_a_broad_one_keeps_its_points(broad: float, sharp: float, apart: float) -> None:
+    """As of an axisymmetric mast with a damper in one direction; the sharp mode moves by a fifth of its half-width."""
+    w0 = 20.0
+    modes, moved = (np.array([w0, w0 * (1 + apart) * (1 + share * sharp)]) for share in (0.0, 0.2))
+    zeta, weights = np.array([broad, sharp]), np.array([1.0, 0.05])
+
+    def error(w: np.ndarray) -> float:
+        H, H_r = (
+            (weights / (own**2 - w[:, None] ** 2 + 2j * zeta * own * w[:, None])).sum(axis=1) for own in (modes, moved)
+        )
+        return np.sqrt(np.trapezoid(abs(H - H_r) ** 2, w) / np.trapezoid(abs(H) ** 2, w))
+
+    both = np.concatenate([modes, moved]), np.tile(zeta, 2)
+    grid = frequency_grid((0.0, 10.0), 400, *both)
+    few = thinned(grid, *both, 400)
+    assert few.size < 0.9 * grid.size
+    exact = np.geomspace(1e-3, 2e3 / sharp, 4000)
+    fine = np.unique(np.concatenate([grid, *(modes[1] + sign * sharp * w0 * exact for sign in (-1, 1))]))
+    fine = fine[(fine >= grid[0]) & (fine <= grid[-1])]
+    assert error(few) == pytest.approx(error(fine), rel=0.02)
