@@ -116,16 +116,17 @@ def thinned(grid: Array, omega: Array, zeta: Array, points: int) -> Array:
     peaks, least = omega[order], _THINNING * _half_widths(omega, zeta)[order]
     # The first resonance from which the next one is not nearer.
     nearest = np.searchsorted((peaks[1:] + peaks[:-1]) / 2, grid)
-    # Between resonances the response is the smoother the farther they are; the grid before refinement stays.
-    between = np.log(grid[-1] / grid[0]) / points / 2 * grid
-    smooth = np.minimum(_SMOOTH * abs(grid - peaks[nearest]), between)
+    # Between resonances the response is the smoother the farther they are.
+    smooth = np.maximum(least[nearest], _SMOOTH * abs(grid - peaks[nearest]))
     # A sharp peak needs its points beside a broad one that is nearer to them, too: the least sum of both terms over all
     # resonances below, and over all above.
     below, above = np.searchsorted(peaks, grid, side="right"), np.searchsorted(peaks, grid)
     lowest = np.minimum.accumulate(np.append(np.inf, least - _SMOOTH * peaks))[below]
     highest = np.minimum.accumulate(np.append(np.inf, (least + _SMOOTH * peaks)[::-1]))[peaks.size - above]
     sharp = np.minimum(lowest + _SMOOTH * grid, highest - _SMOOTH * grid)
-    spacing = np.minimum(np.maximum(least[nearest], smooth), sharp).tolist()
+    # The grid before refinement stays, also beside an overdamped mode, which is wider than the band.
+    between = np.log(grid[-1] / grid[0]) / points / 2 * grid
+    spacing = np.minimum(np.minimum(smooth, sharp), between).tolist()
     w, keep = grid.tolist(), [0]
     for k in range(1, grid.size):
         if w[k] - w[keep[-1]] >= spacing[k]:

@@ -109,3 +109,13 @@ def test_a_sharp_peak_beside_a_broad_one_keeps_its_points(broad: float, sharp: f
     fine = np.unique(np.concatenate([grid, *(modes[1] + sign * sharp * w0 * exact for sign in (-1, 1))]))
     fine = fine[(fine >= grid[0]) & (fine <= grid[-1])]
     assert error(few) == pytest.approx(error(fine), rel=0.02)
+
+
+@pytest.mark.parametrize("zeta", [0.005, 0.6, 5.0, 300.0])
+@pytest.mark.parametrize("points", [50, 400])
+def test_the_grid_before_refinement_stays_beside_any_mode(points: int, zeta: float) -> None:
+    """A damped hinge may have a mode whose half-width is that of hundreds of bands."""
+    only = np.array([12.0]), np.array([zeta])
+    w = thinned(frequency_grid((0.0, 10.0), points, *only), *only, points)
+    band = 2 * np.pi * np.array([0.01, 10.0])
+    assert np.diff(np.log(np.union1d(w, band))).max() < 2 * np.log(1e3) / points
