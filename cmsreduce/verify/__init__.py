@@ -30,7 +30,7 @@ from cmsreduce.verify.constant_loads import (
 )
 from cmsreduce.verify.controller_stability import controller_response, open_loop, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
-from cmsreduce.verify.frequency_grids import bent_intervals, decibel_grid, frequency_grid, thinned
+from cmsreduce.verify.frequency_grids import bent_intervals, decibel_grid, frequency_grid, thinned, with_roots
 from cmsreduce.verify.input_rounding import frequency_error_bars, rigid_motions_proof
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
@@ -147,6 +147,7 @@ __all__ = [
     "stiffness_contrast",
     "thinned",
     "visible_modes",
+    "with_roots",
     "zero_shifts",
     "zeros_below",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["bent_intervals", "decibel_grid", "frequency_grid", "lowest_frequency", "thinned"]
+__all__ = ["bent_intervals", "decibel_grid", "frequency_grid", "lowest_frequency", "thinned", "with_roots"]
 
 Array = NDArray[np.float64]
 
@@ -21,6 +21,8 @@ _NO_DAMPING = 1e-4
 _DAMPED = 1e-10
 # Points of the fixed grid of the decibel error.
 _DECIBEL_POINTS = 1000
+# The points around a resonance serve a peak no further off than its own half-width, and half to twice as wide.
+_AS_WIDE = 2.0
 # Points nearer than this share of a resonance's half-width add nothing to an integral over it.
 _THINNING = 0.02
 # Nor do points nearer to each other than this share of their distance to the nearest resonance: a third of the points
@@ -70,6 +72,32 @@ def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: A
 def _half_widths(omega: Array, zeta: Array) -> Array:
     """Half-power half-widths of resonances in rad/s; a mode without damping has the one that its peak is given."""
     return np.asarray(np.where(zeta > _DAMPED, zeta, _NO_DAMPING) * omega)
+
+
+def with_roots(omega: Array, zeta: Array, s: NDArray[np.complex128]) -> tuple[Array, Array]:
+    """Add the complex modes to undamped resonances whose points do not serve their peaks.
+
+    A damper that holds a hinge, or that close modes share, makes modes of other frequencies and of much less damping
+    than its share in each undamped mode.
+
+    Parameters
+    ----------
+    omega, zeta : (k,) float64
+        Undamped resonances in rad/s, and the damping ratios from the diagonal of the damping in these modes.
+    s : (r,) complex128
+        Roots in rad/s, Im s > 0.
+
+    Returns
+    -------
+    omega, zeta : (k + added,) float64
+    """
+    size = abs(s)
+    ratio = np.maximum(-s.real / size, 0.0)
+    width, own = _half_widths(size, ratio), _half_widths(omega, zeta)
+    near = abs(size[:, None] - omega) <= width[:, None]
+    alike = (own <= _AS_WIDE * width[:, None]) & (width[:, None] <= _AS_WIDE * own)
+    added = ~(near & alike).any(axis=1)
+    return np.concatenate([omega, size[added]]), np.concatenate([zeta, ratio[added]])
 
 
 def decibel_grid(band: tuple[float, float]) -> Array:

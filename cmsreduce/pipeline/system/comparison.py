@@ -9,6 +9,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import (
     ERRORS,
     Configuration,
@@ -17,11 +18,12 @@ from cmsreduce.model import (
     Response,
 )
 from cmsreduce.pipeline.store import Progress, diagnostic, once
+from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.pipeline.system.model_errors import model_errors
 from cmsreduce.pipeline.system.reduced_model import ReducedModel
 from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
 from cmsreduce.pipeline.system.screening import Screen
-from cmsreduce.verify import db_errors, frequency_grid, frf_error, thinned
+from cmsreduce.verify import db_errors, frequency_grid, frf_error, thinned, with_roots
 
 __all__ = ["Comparison"]
 
@@ -65,9 +67,8 @@ class Comparison:
             points around the others. A peak that the reduced models lack then has the points of the grid alone.
         """
         every = [model.assembled for model in models]
-        found = [model.resonances(configuration) for model in (every if quick else [self.reference.assembled, *every])]
-        omega = np.concatenate([r.omega for r in found])
-        zeta = np.concatenate([r.zeta for r in found])
+        found = [_peaks(model, configuration) for model in (every if quick else [self.reference.assembled, *every])]
+        omega, zeta = (np.concatenate(each) for each in zip(*found, strict=True))
         grid = frequency_grid(self.scene.band, self.points, omega, zeta, _COARSE if quick else 1)
         return thinned(grid, omega, zeta, self.points)
 
@@ -143,7 +144,10 @@ class Comparison:
     @property
     @once
     def _screen(self) -> Screen:
-        return Screen(self.reference.assembled, self.reference.decibel_grid, self.reference.few)
+        _, zeta = _peaks(self.reference.assembled, self.scene.configurations[0])
+        return Screen(
+            self.reference.assembled, self.reference.decibel_grid, self.reference.few, float(zeta.min(initial=1.0))
+        )
 
     def _errors(
         self, configurations: Sequence[Configuration], model: ReducedModel, *, quick: bool = False
@@ -224,3 +228,13 @@ class Comparison:
             errors = model_errors(self.reference, target, model, H_r, in_db, each * target.omega.size, damped=damped)
             found.append((errors, H_r))
         return found, seconds
+
+
+def _peaks(model: AssembledModel, configuration: Configuration) -> tuple[Real, Real]:
+    """Frequencies in rad/s and damping ratios of the peaks of a model: its modes without damping and complex ones."""
+    found, s = model.resonances(configuration), np.empty(0, dtype=np.complex128)
+    # Roots that cannot be found are reported with the errors of the damping ratios.
+    with suppress(CmsReduceError, np.linalg.LinAlgError):
+        damped = model.damped_modes(configuration)
+        s = s if damped is None else damped.s
+    return with_roots(found.omega, found.zeta, s)

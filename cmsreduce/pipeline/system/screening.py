@@ -35,11 +35,14 @@ class Screen:
         Grid of the decibel error in rad/s, logarithmic.
     few : (k,) float64
         Some of its frequencies, at which the elastic response of a channel is looked for.
+    sharpest : float
+        Least damping ratio of its peaks.
     """
 
     reference: AssembledModel
     decibel: Real
     few: Real
+    sharpest: float
 
     def errors(self, configurations: Sequence[Configuration], model: AssembledModel) -> Real:
         """frf_error and db_error of a reduced model in configurations without parameters (configurations, 2).
@@ -103,8 +106,8 @@ class Screen:
     def _fine(self) -> tuple[Real, int]:
         """The finer grid, of which one in so many points is one of the decibel error."""
         grid = self.decibel
-        zeta = self.reference.resonances(self.reference.scene.configurations[0]).zeta.min(initial=1.0)
-        every = int(np.clip(np.ceil(np.log(grid[1] / grid[0]) / (_HALF_WIDTHS * max(zeta, 1e-9))), 1, _FINEST))
+        width = _HALF_WIDTHS * max(self.sharpest, 1e-9)
+        every = int(np.clip(np.ceil(np.log(grid[1] / grid[0]) / width), 1, _FINEST))
         omega = np.geomspace(grid[0], grid[-1], every * (grid.size - 1) + 1)
         omega[::every] = grid
         return omega, every

@@ -1,0 +1,62 @@
+"""Response errors where damping makes peaks far from the modes without damping: integrals against ten times the points.
+
+Two bars with a hinge that a dashpot all but locks bend as one bar. Without damping they have no such mode in the band,
+and the mode of the hinge there takes all of the dashpot: to its damping ratio of 300, the response would be flat.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cmsreduce.assemble import modal_substructure
+from cmsreduce.model import Configuration, Damping, FEModel, JointElement, ModalComponent, Scene
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.pipeline.system.comparison import Comparison
+from cmsreduce.pipeline.system.reduced_model import ReducedModel
+from cmsreduce.pipeline.system.reference_model import ReferenceModel
+from cmsreduce.reduce import CraigBampton
+from cmsreduce.verify import frf_error
+from tests.assemble.rigs import ALL, at, joint, points_of
+from tests.frames import Section, line
+
+BAND = (0.0, 60.0)
+HERE = Configuration("as built")
+# Bending out of the plane is far above the band.
+FLAT = Section(Iy=1e-6)
+
+
+def hinged(drag: float) -> tuple[Comparison, ReducedModel]:
+    law = Damping(modal=0.003)
+    bodies = {
+        body.name: body
+        for body in (
+            line("near", [0, 0, 0], [0.9, 0, 0], 6, damping=law, section=FLAT),
+            line("far", [0.9, 0, 0], [2.2, 0, 0], 6, damping=law, section=FLAT),
+        )
+    }
+    hinge = joint("hinge", "near.b", "far.a", "rz", elements=(JointElement(5, 0.0, drag),))
+    scene = Scene(tuple(bodies), BAND, (hinge,), actuators=(at("near.a", "y"),), sensors=(at("far.b", "y"),))
+
+    def reduced(cutoff_hz: float) -> tuple[AssembledModel, dict[str, ModalComponent]]:
+        parts = {name: orthogonalise(CraigBampton(cutoff_hz).reduce(body, ends(body))) for name, body in bodies.items()}
+        subs = {name: modal_substructure(part, points_of(bodies[name])) for name, part in parts.items()}
+        return AssembledModel(subs, scene), parts
+
+    def ends(body: FEModel) -> np.ndarray:
+        return np.concatenate([body.interface_rows(name) for name in body.interfaces])
+
+    return Comparison(ReferenceModel(*reduced(ALL), bodies), 400), ReducedModel(*reduced(150.0))
+
+
+@pytest.mark.parametrize("drag", [1.0, 100.0, 1e4])
+def test_the_error_at_the_modes_that_a_dashpot_makes(drag: float) -> None:
+    comparison, model = hinged(drag)
+    w = np.geomspace(2 * np.pi * BAND[1] / 1e3, 2 * np.pi * BAND[1], 40_000)
+    target = comparison.reference.target(HERE, w)
+    H_r = model.assembled.response(HERE, w) - target.rigid
+    expected = frf_error(w, target.elastic, H_r, target.row, target.column)
+    assert comparison.error_at(HERE, model) == pytest.approx(expected, rel=0.03)
+    assert comparison.quick_errors([HERE], model) == pytest.approx([expected], rel=0.1)
+    assert comparison.screened([HERE], model)[0, 0] == pytest.approx(expected, rel=0.1)
