@@ -84,7 +84,7 @@ def frequency_error_bars(component: ModalComponent, columns: NDArray[np.int64]) 
         found, left = _of_repeated(body, component.Phi, columns), 0.0
     if left or body.noise:
         found = found + _of_independent(pattern_errors(body.K, left, body.noise), component.Phi, columns)
-    moved = _DEVIATIONS * np.sqrt(found / 3) + PRINTED * body.rounding * omega**2
+    moved = _DEVIATIONS * np.sqrt(found / 3) + PRINTED * body.stiffness_rounding * omega**2
     return np.asarray(moved / (2 * omega) / (2 * np.pi))
 
 

@@ -183,7 +183,8 @@ def _drag(body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | None, floa
     if not _floats(body, rigid, R):
         return None, 0.0
     # The stiffness shows what digits, coordinates and condensation leave of a force that should vanish.
-    rounding = max(_DIGITS * body.rounding, _PLACES * float(np.max(body.nodes.xyz_rounding, initial=0.0)) / length)
+    places = _PLACES * float(np.max(body.nodes.xyz_rounding, initial=0.0)) / length
+    rounding = max(_DIGITS * body.stiffness_rounding, places)
     allowed = max(_ARITHMETIC, rounding, _LIKE_STIFFNESS * float(_resisted(body.K, R)[1].max(initial=0.0)))
     force, share = _resisted(body.D, R)
     if (share > allowed).any():

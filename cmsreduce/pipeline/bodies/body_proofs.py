@@ -254,7 +254,7 @@ def _mass(
             f"{check.name} {check.value:.2g}{check.note and ': '}{check.note}" for check in failed
         )
         return checks, Proof("mass", "refuted", remark=said)
-    digits = -math.log10(max(_MASS_ALIKE, _MASS_FACTOR * body.rounding))
+    digits = -math.log10(max(_MASS_ALIKE, _MASS_FACTOR * body.stiffness_rounding))
     compare = f"compare {density and f'{density}, '}{_figures(whole)}"
     if not ordered:
         return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; {compare}")
@@ -300,11 +300,11 @@ def _one_mass(body: FEModel) -> list[Finding]:
     along = free.along
     if along.size < 2:
         return []
-    limit = max(_MASS_ALIKE, _MASS_FACTOR * body.rounding)
+    limit = max(_MASS_ALIKE, _MASS_FACTOR * body.stiffness_rounding)
     axes = "" if along.size == 3 else f"only {' and '.join('xyz'[k] for k in along)} move"
     found = [Finding("mass matrix: the same mass along x, y, z", free.disorder, limit, axes)]
     excess = inertia_excess(free.rigid) if along.size == 3 else None
     if excess is not None:
-        limit = max(REALISABLE, _MASS_FACTOR * body.rounding)
+        limit = max(REALISABLE, _MASS_FACTOR * body.stiffness_rounding)
         found.append(Finding("inertia: beyond what mass can have", excess, limit))
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.model import (
+    DOUBLE,
     SCALAR,
     SI,
     Damping,
@@ -25,6 +26,7 @@ from cmsreduce.model import (
     Units,
 )
 from cmsreduce.read.interfaces import InterfaceSpec, resolve_interface
+from cmsreduce.read.reduced.rigid_shapes import prove_rigid_shapes
 from cmsreduce.read.row_order import prove_row_order
 
 __all__ = ["ModalBody", "in_dofs"]
@@ -32,6 +34,7 @@ __all__ = ["ModalBody", "in_dofs"]
 # Interface dofs whose motions differ by less than this share of their size move together: shapes of files have six to
 # sixteen digits, and a quotient of two of their sizes has up to three digits less.
 _TOGETHER = 1e-7
+_ROUNDINGS = 10.0
 # Coordinates have unit strain energy, so that a combination with less than this share of it is a rigid motion.
 _FREE = 1e-13
 # Deformation below this share of a motion is the rounding of a rigid one.
@@ -118,7 +121,8 @@ def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEMode
     MatrixError
         If the modes cannot move the dofs of the interfaces one by one.
     DofMapError
-        If rigid motion of the nodes costs force: shapes, places and stiffness are not of one body.
+        If rigid motion of the nodes costs force, or shapes without stiffness are no rigid motions of the nodes: shapes,
+        places and stiffness are not of one body.
 
     Notes
     -----
@@ -136,6 +140,7 @@ def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEMode
     ]
     at_faces = np.array(list(dict.fromkeys(int(row) for rows in named for row in rows)), dtype=np.int64)
     _check_independent(modal, at_faces)
+    prove_rigid_shapes(modal.name, modal.dofs, modal.nodes, modal.shapes[:, _free(modal)], modal.rounding)
     rows = _with_rigid_motions(modal, at_faces)
     T = _change(modal, rows)
     K, M, D = (T.T @ A @ T for A in (modal.K, modal.M, modal.D))
@@ -168,7 +173,8 @@ def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEMode
         sources=modal.sources,
         terms=() if modal.G is None else (ParameterTerm("", "G", sp.csc_array(T.T @ modal.G @ T), 0),),
     )
-    return prove_row_order(body).estimated(body)
+    # Modes have a modal mass each, and a congruence keeps it: digits of shapes leave none of them without mass.
+    return replace(prove_row_order(body).estimated(body), rounding=DOUBLE)
 
 
 def _spec(modal: ModalBody, face: str, spec: InterfaceSpec) -> InterfaceSpec:
@@ -218,13 +224,15 @@ def _with_rigid_motions(modal: ModalBody, rows: Rows) -> Rows:
     free = _free(modal)
     if not free.size:
         return rows
-    still = la.null_space(_scaled(modal, rows)[:, free], rcond=_TOGETHER) if rows.size else np.eye(free.size)
+    # Motions that no row shows leave the rounding of the others in the shapes.
+    least = max(_TOGETHER, _ROUNDINGS * modal.rounding)
+    still = la.null_space(_scaled(modal, rows)[:, free], rcond=least) if rows.size else np.eye(free.size)
     if not still.shape[1]:
         return rows
     every = np.arange(len(modal.dofs))
     moved = _scaled(modal, every)[:, free] @ still
     _, R, order = la.qr(moved.T, mode="economic", pivoting=True)
-    found = int((abs(R.diagonal()) > _TOGETHER * abs(R.diagonal()).max(initial=0.0)).sum())
+    found = int((abs(R.diagonal()) > least * abs(R.diagonal()).max(initial=0.0)).sum())
     return np.concatenate([rows, order[:found]])
 
 
