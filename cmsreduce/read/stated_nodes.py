@@ -76,7 +76,7 @@ def sum_at_nodes(
     """Add up the elements at each of ``count`` nodes; None if no node is known.
 
     ``known`` are nodes of bars and springs with a known stiffness, ``unknown`` those of elements without one, ``bars``
-    those of all bars. Nodes of solids with plates are unknown, too.
+    those of all bars.
     """
     force, terms = np.zeros((count, 3, len(STRAINS))), np.zeros(count)
     solid, sure, barred = (np.zeros(count, dtype=bool) for _ in range(3))
@@ -91,8 +91,7 @@ def sum_at_nodes(
     sure[known] = True
     sure |= solid
     if plates is not None:
-        plated = plates.touch(np.ones(len(plates.flat), dtype=bool), count)
-        sure = (sure | plated) & ~(solid & plated)
+        sure |= plates.touch(np.ones(len(plates.flat), dtype=bool), count)
     sure[unknown] = False
     K = sp.csr_array((6 * count, 6 * count)) if stiffness is None else stiffness
     return StatedNodes(K, force, terms, sure, solid, barred, plates) if sure.any() else None

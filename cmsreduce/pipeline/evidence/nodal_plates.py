@@ -135,7 +135,8 @@ def _forces(
 ) -> tuple[_Forces, _Forces, _Forces]:
     """Force across, times a length, and moments in the plane by bending; forces in the plane by stretch, by bending.
 
-    The last have no terms where no laminate couples both.
+    The last have no terms where neither bars nor laminates may couple both. At nodes of solids they are the moments by
+    stretch, and no other forces are compared.
     """
     assert body.nodes is not None and stated.plates is not None
     n, own = fields.normal, fields.node[fields.of]
@@ -167,22 +168,31 @@ def _forces(
     sizes = np.linalg.norm(edges.force, axis=1)
     turned = np.linalg.norm(np.cross(n[fields.field], stated.plates.axes[fields.plate, 2]), axis=1) + 2 * SAME_PLACE
     tilted, twice = (np.bincount(fields.field, sizes * turned**k, fields.count) * length**k for k in (1, 2))
+    pushed, moments = (np.einsum("fai,fik->fak", frame, part) for part in (force[:, :3], force[:, 3:]))
+    # Solids at a node share its forces.
+    solid = stated.solid[fields.node]
+    free = ~solid
+    digits = np.column_stack([noise[:, 0, 0] * length, noise[:, 1, 0], noise[:, 1, 0]]) + twice[:, None]
+    mine = np.column_stack([free, np.ones((fields.count, 2), dtype=bool)])
     bending = _Forces(
-        np.column_stack([across, np.einsum("fai,fi->fa", frame, force[:, 3:, 0])]),
+        np.column_stack([across, moments[:, :, 0]]) * mine,
         sure,
-        sure + low,
-        sure + high,
-        np.column_stack([noise[:, 0, 0] * length, noise[:, 1, 0], noise[:, 1, 0]]) + twice[:, None],
-        beside[:, 0, 0] * length + beside[:, 1, 0] + np.bincount(fields.field, edges.whole, fields.count),
+        (sure + low) * mine,
+        (sure + high) * mine,
+        digits * mine,
+        beside[:, 0, 0] * length * free + beside[:, 1, 0] + np.bincount(fields.field, edges.whole, fields.count),
     )
-    found = np.einsum("fai,fi->fa", frame, force[:, :3, 1])
-    terms = beside[:, 0, 1] + np.bincount(fields.field, sizes, fields.count)
-    stretch = _Forces(found, pull, pull, pull, noise[:, [0, 0], 1], terms)
-    both = np.linalg.norm(edges.coupled, axis=1) + np.sqrt(sizes * edges.whole)
-    couples = np.bincount(fields.field, edges.coupled.any(axis=1), fields.count) > 0
-    terms = np.where(couples, beside[:, 0, 0] + np.bincount(fields.field, both, fields.count), 0.0)
-    found = np.einsum("fai,fi->fa", frame, force[:, :3, 0])
-    coupling = _Forces(found, coupled, coupled, coupled, noise[:, [0, 0], 0] + tilted[:, None], terms)
+    terms = (beside[:, 0, 1] + np.bincount(fields.field, sizes, fields.count)) * free
+    stretch = _Forces(pushed[:, :, 1], pull, pull, pull, noise[:, [0, 0], 1], terms)
+    # Bars beside the plane couple both, too: forces by bending, and as large moments by stretch.
+    both = np.bincount(fields.field, np.linalg.norm(edges.coupled, axis=1) + np.sqrt(sizes * edges.whole), fields.count)
+    terms = beside[:, 0, 0] * free + np.sqrt(beside[:, 0, 1] * beside[:, 1, 0]) + both
+    laminates = np.bincount(fields.field, edges.coupled.any(axis=1), fields.count) > 0
+    # Of moments by a laminate, the twists depend on the formulation.
+    terms[np.where(solid, laminates, ~laminates & ~bent.any(axis=(1, 2)))] = 0.0
+    found = np.where(solid[:, None], moments[:, :, 1], pushed[:, :, 0])
+    noise = np.where(solid, noise[:, 1, 1], noise[:, 0, 0]) + tilted
+    coupling = _Forces(found, coupled, coupled, coupled, noise[:, None] * [1.0, 1.0], terms)
     return bending, stretch, coupling
 
 

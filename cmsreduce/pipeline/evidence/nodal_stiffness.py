@@ -25,6 +25,7 @@ from cmsreduce.pipeline.evidence.deck_agreement import (
 )
 from cmsreduce.pipeline.evidence.nodal_mass import away_from_supports
 from cmsreduce.pipeline.evidence.nodal_plates import of_plates
+from cmsreduce.pipeline.evidence.plates_in_strain import PlatesInStrain, plates_in_strain
 from cmsreduce.read import STRAINS, StatedNodes
 
 __all__ = ["NodesAgainstDeck", "nodes_against_deck"]
@@ -83,10 +84,15 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
     lost = np.asarray(abs(stated.stiffness) @ np.repeat(~whole, 6).astype(float)).reshape(-1, 6).any(axis=1)
     known = stated.known & whole & ~lost
     bending = ~stated.barred
-    plated = np.zeros(len(body.nodes), dtype=bool)
-    found = [_of_solids(body, stated, E, rows, known & stated.solid)]
-    if (plates := stated.plates) is not None:
+    plates, plated, strained = stated.plates, np.zeros(len(body.nodes), dtype=bool), None
+    solid = known & stated.solid
+    if plates is not None:
         plated = plates.touch(np.ones(len(plates.flat), dtype=bool), plated.size)
+        if (solid & plated).any():
+            strained = plates_in_strain(body, plates, rows)
+            solid &= strained.sure | ~plated
+    found = [_of_solids(body, stated, E, rows, solid, strained)]
+    if plates is not None:
         of_these, shown = of_plates(body, stated, rows, known & plated)
         found.append(of_these)
         bending &= ~plates.touch(~shown, plated.size)
@@ -102,7 +108,9 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
     wrong = order[off[order] > EXACT]
     note = ""
     if wrong.size:
-        named = named_nodes(body.nodes.id[at[wrong]])
+        # A node of plates on solids is compared twice.
+        once = wrong[np.sort(np.unique(at[wrong], return_index=True)[1])]
+        named = named_nodes(body.nodes.id[at[once]])
         first = wrong[0]
         known_ratio = np.isfinite(low[first]) and np.isfinite(high[first])
         words = ratio_in_words(float(low[first]), float(high[first])) if known_ratio else "forces that the deck has not"
@@ -183,8 +191,10 @@ def _ratios(scaled: sp.csr_array, count: int) -> tuple[Array, Array]:
     return np.asarray(np.where(np.isfinite(least), least, 0.0)), np.asarray(weight[:, -1])
 
 
-def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indices, known: Flags) -> Differences:
-    """Differences of the forces of nodes of solids under uniform strains."""
+def _of_solids(
+    body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indices, known: Flags, plates: PlatesInStrain | None
+) -> Differences:
+    """Differences of the forces of nodes of solids, and of plates on them, under uniform strains."""
     assert body.nodes is not None
     ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
     at = body.nodes.index(ids)
@@ -199,18 +209,28 @@ def _of_solids(body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indice
     for k, (i, j) in enumerate(STRAINS):
         every[:, i, k] += x[:, j]
         every[:, j, k] += x[:, i] if i != j else 0.0
-    flat = every.reshape(-1, len(STRAINS))
-    force = np.zeros_like(every)
+    force, own_terms = np.zeros_like(every), stated.terms
     force[:, :3] = stated.force
-    # A bar gives a force with its other end at this node's place.
-    stiff = np.asarray(E @ (stated.stiffness @ flat + force.reshape(-1, len(STRAINS))))
-    found = symmetric_product(body.K)(U)[rows]
     errors = ROUNDINGS * body.stiffness_rounding * abs(U) + PLACES * float(np.max(body.nodes.xyz_rounding, initial=0.0))
-    allowed = symmetric_product(absolute(body.K))(errors)[rows]
+    counted = np.ones(rows.size, dtype=bool)
+    if plates is not None:
+        every[:, 3:], own_terms = plates.turn, own_terms + plates.terms
+        force[:, :3] += plates.force
+        turns = body.dofs.component[rows] > 3
+        U[rows[turns]] = (E @ every.reshape(-1, len(STRAINS)))[turns]
+        place = at[of]
+        # Normals turn with the corners of plates; their moments are compared by fields of their own.
+        errors[rows[turns]] /= np.where(np.isfinite(plates.reach), plates.reach, 1.0)[place[turns], None]
+        counted = ~(turns & np.isfinite(plates.reach[place]))
+    flat = every.reshape(-1, len(STRAINS))
+    # A bar gives a force with its other end at this node's place.
+    stiff = np.asarray(E @ (stated.stiffness @ flat + force.reshape(-1, len(STRAINS)))) * counted[:, None]
+    found = symmetric_product(body.K)(U)[rows] * counted[:, None]
+    allowed = symmetric_product(absolute(body.K))(errors)[rows] * counted[:, None]
     beyond = np.maximum(abs(found - stiff) - allowed, 0.0)
     sums = [np.bincount(of, np.sum(part, axis=1)) for part in (beyond**2, allowed**2, found * stiff, stiff**2)]
     off, noise, product, square = sums
-    terms = stated.terms[at] + np.linalg.norm(
+    terms = own_terms[at] + np.linalg.norm(
         np.asarray(abs(stated.stiffness) @ abs(flat)).reshape(len(body.nodes), -1)[at], axis=1
     )
     judged &= np.sqrt(noise) < BLIND * terms

@@ -18,7 +18,7 @@ from cmsreduce.model import FEModel, Nodes
 from cmsreduce.pipeline.evidence.deck_agreement import known_dofs
 from cmsreduce.read import SAME_PLACE, StatedPlates
 
-__all__ = ["Corners", "PlateFields", "fields_of_plates", "uneven_plates", "unit"]
+__all__ = ["Corners", "PlateFields", "fields_of_plates", "plates_in_one_plane", "uneven_plates", "unit"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -116,6 +116,15 @@ def fields_of_plates(body: FEModel, plates: StatedPlates, rows: Indices, judged:
     judged = judged & complete & ~plates.touch(np.asarray(lost), len(nodes))
     candidates = _candidates(nodes, plates, corners, judged, flat, complete)
     return _without_conflicts(candidates, nodes, plates, corners, complete, fold)
+
+
+def plates_in_one_plane(body: FEModel, plates: StatedPlates, rows: Indices) -> tuple[Indices, Array]:
+    """Nodes (k,) with all of their plates in one plane and rows for their motions, and its normal at each (k, 3)."""
+    assert body.nodes is not None
+    corners = _corners(plates, len(body.nodes))
+    complete, _ = _motions_known(body, rows, plates, corners)
+    at = np.flatnonzero(complete & _folds(plates, corners, len(body.nodes))[0])
+    return at, plates.axes[corners.plate[corners.start[at]], 2]
 
 
 def unit(v: Array) -> Array:
