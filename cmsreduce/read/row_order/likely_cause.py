@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.read.calculix_abaqus import hourglass_forces
 from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
+from cmsreduce.read.row_order.places_by_motion import other_labels
 from cmsreduce.read.row_order.quiet_rows import LOUD, QUIET, quiet_share
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["Failure", "hourglass_stiffness", "likely_cause", "mistaken_matrices", "other_order"]
+__all__ = ["Failure", "hourglass_stiffness", "likely_cause", "mistaken_matrices", "other_order", "shuffled_nodes"]
 
 _NAMED = 5
 # A spring to ground loads only its own node; a mislabelled node also loads all its neighbours.
@@ -76,6 +77,14 @@ def other_order(case: Failure) -> str | None:
     return _order_of_appearance(case) or _component_by_component(case)
 
 
+def shuffled_nodes(case: Failure) -> str | None:
+    """Another order of the rows in which rotations cost no force, if translations cost none.
+
+    Shells whose rotations are held resist rotation in every order.
+    """
+    return other_order(case) or _mislabelled(case) or _places_by_motion(case)
+
+
 def likely_cause(case: Failure) -> str:
     """The first cause that explains why a stiffness matrix resists rigid motion, and the remedy."""
     causes: tuple[Callable[[Failure], str | None], ...] = (
@@ -85,7 +94,8 @@ def likely_cause(case: Failure) -> str:
         _order_of_appearance,
         _component_by_component,
         _other_length_unit,
-        lambda failure: mislabelled_nodes(failure.body, failure.nodes, failure.found, failure.loaded),
+        _mislabelled,
+        _places_by_motion,
         _springs_between_apart_nodes,
         _held_to_ground,
         _coarse_coordinates,
@@ -230,6 +240,24 @@ def _other_length_unit(case: Failure) -> str | None:
             return (
                 f"the coordinates are in another unit of length than the matrices: times {known:.6g} the forces "
                 f"vanish, as if the geometry were in {here} and the matrices in {there}. Give both in one unit system"
+            )
+    return None
+
+
+def _mislabelled(case: Failure) -> str | None:
+    """Rows of some nodes belong to another node, to other axes or to another place."""
+    return mislabelled_nodes(case.body, case.nodes, case.found, case.loaded)
+
+
+def _places_by_motion(case: Failure) -> str | None:
+    """The motions without force show the nodes of all rows."""
+    if case.local:
+        return None
+    for dofs, what in other_labels(case.body, case.nodes):
+        if case.explains(dofs=dofs):
+            return (
+                f"by the motions that cost no force, {what}; so the forces vanish. Give the order of the rows as a "
+                "list of node.component under `rows:`"
             )
     return None
 

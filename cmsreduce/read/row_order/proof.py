@@ -17,6 +17,7 @@ from cmsreduce.read.row_order.likely_cause import (
     likely_cause,
     mistaken_matrices,
     other_order,
+    shuffled_nodes,
 )
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
@@ -139,18 +140,21 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
         return RowOrderProof("scalar", remark="all dofs are scalar, so rigid motion proves nothing")
     if body.nodes is None:
         return RowOrderProof("no geometry", remark="without coordinates the row order cannot be proven")
-    condensed = is_condensed(body)
+    geometry, condensed = body.nodes, is_condensed(body)
     held = _without_idle_turns(body)
-    found = rigid_residual(body.K, body.dofs, body.nodes, held, body.rounding, condensed, body.noise)
+    found = rigid_residual(body.K, body.dofs, geometry, held, body.rounding, condensed, body.noise)
     if held is not body.constrained and not found.vanishes:
-        loaded, _ = _loaded_nodes(body, found)
-        free = found
-        found = rigid_residual(body.K, body.dofs, body.nodes, body.constrained, body.rounding, condensed, body.noise)
-        if found.vanishes and found.motions.size and not abs(found.motions[_TRANSLATIONS:]).any():
-            return _turns_alone(body, Failure(body, body.nodes, free, condensed, loaded))
+        turning = found
+        found = rigid_residual(body.K, body.dofs, geometry, body.constrained, body.rounding, condensed, body.noise)
+        if found.motions.size and not abs(found.motions[_TRANSLATIONS:]).any():
+            if found.vanishes:
+                return _turns_alone(body, held, turning, condensed)
+            # Held rotations explain no force against translations: the rows are wrong, as those of a free body.
+            found = turning
+            body = replace(body, constrained=held)
     motions = found.motions.shape[1]
     if motions == 0 or (body.grounded and not found.vanishes):
-        return _held_proof(body, body.nodes, condensed)
+        return _held_proof(body, geometry, condensed)
     row = found.worst
     if found.vanishes:
         if body.grounded and motions == _ALL_MOTIONS:
@@ -163,7 +167,7 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
         errors = (found.rounding, found.noise, found.exact, found.xyz_rounding)
         return RowOrderProof("proven", motions, residual, tolerance, "", *errors)
     nodes, share = _loaded_nodes(body, found)
-    failure = Failure(body, body.nodes, found, condensed, nodes)
+    failure = Failure(body, geometry, found, condensed, nodes)
     if (mistaken := mistaken_matrices(failure)) is not None:
         raise DofMapError(f"body '{body.name}': {mistaken}")
     head = _not_proven(body, nodes, share, float(found.allowed[row]))
@@ -185,15 +189,18 @@ def _without_idle_turns(body: FEModel) -> DofTable | None:
     return held[kept] if kept.any() else None
 
 
-def _turns_alone(body: FEModel, failure: Failure) -> RowOrderProof:
+def _turns_alone(body: FEModel, held: DofTable | None, found: RigidResidual, condensed: bool) -> RowOrderProof:
     """Result where translations vanish and rotations do not, which held rotations of shells or another order explain.
 
-    Translations vanish in every order of the nodes.
+    Translations vanish in every order of the nodes. ``found`` are the forces without the constraints that may be idle,
+    ``held`` the others.
     """
-    if not body.grounded and (cause := other_order(failure)):
-        nodes, share = _loaded_nodes(body, failure.found)
-        allowed = float(failure.found.allowed[failure.found.worst])
-        raise DofMapError(f"{_not_proven(body, nodes, share, allowed)}. Likely cause: {cause}")
+    assert body.nodes is not None
+    loaded, share = _loaded_nodes(body, found)
+    failure = Failure(replace(body, constrained=held), body.nodes, found, condensed, loaded)
+    if not body.grounded and (cause := shuffled_nodes(failure)):
+        head = _not_proven(body, loaded, share, float(found.allowed[found.worst]))
+        raise DofMapError(f"{head}. Likely cause: {cause}")
     return RowOrderProof(
         "grounded",
         remark="single-point constraints hold rotations of nodes without such rows, and rotation of the body costs "
