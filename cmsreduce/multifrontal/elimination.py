@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from cmsreduce.multifrontal.loops import loop
 
-__all__ = ["Pattern", "column_counts", "couplings", "elimination_tree", "pattern_of", "postorder"]
+__all__ = [
+    "Pattern",
+    "column_counts",
+    "couplings",
+    "elimination_tree",
+    "pattern_of",
+    "postorder",
+    "short_indices",
+]
 
 Ints = NDArray[np.int64]
 Rows = NDArray[np.int32]
@@ -132,8 +140,26 @@ class Pattern(NamedTuple):
     number: int
 
 
+def short_indices(A: sp.csc_array) -> sp.csc_array:
+    """Matrix with indices of 32 bits, the ones that loops are compiled for beforehand.
+
+    Parameters
+    ----------
+    A : (n, n) csc array
+
+    Returns
+    -------
+    (n, n) csc array
+        A itself if its indices are short, or if it has too many entries for them; else it shares the values of A.
+    """
+    if A.indices.dtype == np.int32 or A.nnz > np.iinfo(np.int32).max:
+        return A
+    return sp.csc_array((A.data, A.indices.astype(np.int32), A.indptr.astype(np.int32)), shape=A.shape)
+
+
 def pattern_of(A: sp.csc_array) -> Pattern:
     """Compare both triangles of a matrix (n, n)."""
+    A = short_indices(A)
     mirrored, full, number = _compared(A.indptr, A.indices, A.data)
     return Pattern(mirrored, full, int(number))
 
@@ -155,6 +181,7 @@ def couplings(A: sp.csc_array, pattern: Pattern | None = None) -> tuple[Ints, Ro
         A row may occur twice, and may be among its own. The pattern of the matrix itself, without a copy, where that
         tells it all.
     """
+    A = short_indices(A)
     mirrored, full, _ = pattern or pattern_of(A)
     if mirrored and full:
         return A.indptr.astype(np.int64), A.indices.astype(np.int32, copy=False)

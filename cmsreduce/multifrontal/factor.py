@@ -14,11 +14,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.multifrontal.blas import routines
-from cmsreduce.multifrontal.elimination import couplings, pattern_of
+from cmsreduce.multifrontal.elimination import Pattern, couplings, pattern_of, short_indices
 from cmsreduce.multifrontal.fronts import Blocks, Given, depth_parity, eliminate, place_panels, stack_size
 from cmsreduce.multifrontal.ordering import nested_dissection
 from cmsreduce.multifrontal.pages import Pages
 from cmsreduce.multifrontal.panels import row_scale
+from cmsreduce.multifrontal.shift import shifted
 from cmsreduce.multifrontal.substitution import backward, forward, gather, largest, pivots_of, spread
 from cmsreduce.multifrontal.supernodes import Supernodes, shares, supernodes
 from cmsreduce.multifrontal.threads import blas_threads
@@ -136,6 +137,7 @@ class CholeskyFactor:
         indefinite: bool = False,
         kept: bool = True,
     ) -> None:
+        A = short_indices(A)
         self.n = int(A.shape[0])
         self._indefinite, self._kept = indefinite, kept
         self._real = np.dtype(np.float64 if scale is None else np.float32)
@@ -337,3 +339,6 @@ def compile_loops() -> None:
         factor = CholeskyFactor(A, np.arange(9), scale=scale, indefinite=True)
         for layout in ("C", "F"):
             factor.solve(np.ones((9, 2), order=layout))
+    # The pattern of a matrix that stores zeros, or has entries in one triangle alone, and a matrix less a mass.
+    couplings(A, Pattern(False, False, 0))
+    shifted(A, A, 1.0)

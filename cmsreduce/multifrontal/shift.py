@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.multifrontal.elimination import short_indices
 from cmsreduce.multifrontal.loops import loop
 
 __all__ = ["shifted"]
@@ -27,7 +28,8 @@ def shifted(A: sp.csc_array, B: sp.csc_array, s: float) -> sp.csc_array:
     Returns
     -------
     (n, n) csc array
-        Shares the arrays of the pattern with A where A has an entry at each entry of B, in ascending rows.
+        Shares the arrays of the pattern with A, if its indices are of 32 bits, where A has an entry at each entry of B,
+        in ascending rows.
 
     Examples
     --------
@@ -36,7 +38,7 @@ def shifted(A: sp.csc_array, B: sp.csc_array, s: float) -> sp.csc_array:
     [[1.0, 1.0], [1.0, 0.0]]
     """
     if A.has_sorted_indices and B.has_sorted_indices and A.data.dtype == B.data.dtype == np.float64:
-        data = A.data.copy()
+        A, B, data = short_indices(A), short_indices(B), A.data.copy()
         if _subtract(A.indptr, A.indices, data, B.indptr, B.indices, B.data, s):
             return sp.csc_array((data, A.indices, A.indptr), shape=A.shape)
     return sp.csc_array(A - s * B)

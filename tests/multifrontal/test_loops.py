@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numba.core import config
 
-from cmsreduce.multifrontal import loops
+from cmsreduce.multifrontal import CholeskyFactor, compile_loops, elimination, factor, fronts, loops, shift, shifted
 from cmsreduce.multifrontal.loops import loop
+from tests.multifrontal.matrices import lattice
 
 
 @pytest.fixture
@@ -59,3 +60,30 @@ def test_the_checksum_covers_all_compiled_sources():
     marked = {path.name for path in package.glob("*.py") if b"@loop" in path.read_bytes()}
     assert {"blas.py", "fronts.py", "substitution.py", "supernodes.py"} <= marked
     assert all(b"import loop" in (package / name).read_bytes() for name in marked)
+
+
+def test_loops_of_any_pattern_are_compiled_beforehand(monkeypatch):
+    called = []
+    for module, name in ((elimination, "_couplings"), (shift, "_subtract")):
+        compiled = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *args, of=compiled: called.append(of) or of(*args))
+    compile_loops()
+    assert {each.__name__ for each in called} == {"_couplings", "_subtract"}
+    assert all(each.signatures for each in called)
+
+
+def test_long_indices_compile_nothing_more():
+    """Products and sums of scipy may have indices of 64 bits."""
+    A = lattice(4, 3, 2)
+    long = A.copy()
+    long.indices, long.indptr = A.indices.astype(np.int64), A.indptr.astype(np.int64)
+    compile_loops()
+    loops_of_patterns = (elimination._compared, factor.row_scale, fronts.eliminate, shift._subtract)
+    before = [each.signatures.copy() for each in loops_of_patterns]
+    b = np.arange(A.shape[0], dtype=float)[:, None]
+    for indefinite in (False, True):
+        short, same = (CholeskyFactor(each, indefinite=indefinite) for each in (A, long))
+        np.testing.assert_array_equal(same.solve(b), short.solve(b))
+    difference = shifted(long, long, 0.5)
+    np.testing.assert_array_equal(difference.toarray(), A.toarray() / 2)
+    assert [each.signatures for each in loops_of_patterns] == before
