@@ -69,12 +69,12 @@ def _left_by_shell() -> float:
         import resource
     except ImportError:
         return math.inf
-    used, left = _table(_PROCESS / "status"), math.inf
-    for limit, name in ((resource.RLIMIT_AS, "VmSize:"), (resource.RLIMIT_DATA, "VmData:")):
-        most = resource.getrlimit(limit)[0]
-        if most != resource.RLIM_INFINITY:
-            left = min(left, most - used.get(name, 0.0) * _KIB)
-    return left
+    names = {"VmSize:": resource.RLIMIT_AS, "VmData:": resource.RLIMIT_DATA}
+    found = ((name, resource.getrlimit(limit)[0]) for name, limit in names.items())
+    limits = {name: most for name, most in found if most != resource.RLIM_INFINITY}
+    # The system adds up the memory of the process for each look, and most shells set no limit.
+    used = _table(_PROCESS / "status") if limits else {}
+    return min((most - used.get(name, 0.0) * _KIB for name, most in limits.items()), default=math.inf)
 
 
 @cache
