@@ -91,7 +91,7 @@ def with_roots(omega: Array, zeta: Array, s: NDArray[np.complex128]) -> tuple[Ar
     -------
     omega, zeta : (k + added,) float64
     """
-    size = abs(s)
+    size = np.hypot(s.real, s.imag)
     ratio = np.maximum(-s.real / size, 0.0)
     width, own = _half_widths(size, ratio), _half_widths(omega, zeta)
     near = abs(size[:, None] - omega) <= width[:, None]
