@@ -332,9 +332,17 @@ def step_compared(full: AssembledModel, reduced: AssembledModel, configuration: 
     states = [elastic_states(model.system(configuration)) for model in (full, reduced)]
     high = full.scene.band[1]
     lowest = float(states[0].omega.min(initial=2 * np.pi * high)) / (2 * np.pi)
-    count = int(min(_MOST, np.ceil(_PERIODS * _INSTANTS * max(high / lowest, 1.0)))) + 1
-    step = 1 / (_INSTANTS * high)
-    y, y_r = (step_response(each.A, each.B, each.C, each.D, step, count) for each in states)
-    peak, rms = step_errors(y, y_r, all_modes(full, configuration).gains.size > 0)
+    length, step = _PERIODS / min(lowest, high), 1 / (_INSTANTS * high)
+    windows = [(step, int(np.ceil(length / step)) + 1)]
+    if windows[0][1] > _MOST:
+        # The start in full, for modes that soon decay, and the whole at long steps.
+        count = _MOST // 2
+        windows = [(step, count), (length / (count - 1), count)]
+    parts = [[step_response(each.A, each.B, each.C, each.D, *window) for each in states] for window in windows]
+    joined = all_modes(full, configuration).gains.size > 0
+    every, every_r = (np.concatenate(both) for both in zip(*parts, strict=True))
+    peak, _ = step_errors(every, every_r, joined)
+    (y, y_r), (step, count) = parts[-1], windows[-1]
+    _, rms = step_errors(y, y_r, joined)
     shown = np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).astype(np.int64))
     return StepErrors(np.asarray(step * shown, dtype=np.float64), y[shown], y_r[shown], peak, rms)

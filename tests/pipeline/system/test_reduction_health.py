@@ -101,6 +101,31 @@ def test_a_step_is_a_sum_over_complex_modes(opened: Callable[..., Run]) -> None:
     assert np.nanmin(found.rms) > 0
 
 
+def test_a_step_lasts_eight_periods_of_the_lowest_mode_in_any_band(opened: Callable[..., Run]) -> None:
+    """Against the superposition of complex modes at random instants."""
+    run = opened("scene.band=[1 Hz, 2 kHz]", "balance.keep={modes: {arm: 8, panel: 8}}")
+    configuration = run.scene.configurations[0]
+    models = run.comparison.reference.assembled, run.model.assembled
+    found = step_compared(*models, configuration)
+    lowest = models[0].resonances(configuration).omega.min() / (2 * np.pi)
+    assert 8 * 16 * 2000 / lowest > 4000
+    assert found.time[-1] == pytest.approx(8 / lowest)
+    time = np.sort(np.random.default_rng(4).uniform(0, 8 / lowest, 20_000))
+    steps = []
+    for model in models:
+        states = elastic_states(model.system(configuration))
+        s, V = np.linalg.eig(states.A)
+        modal = np.linalg.solve(V, states.B)
+        grown = (np.exp(np.outer(time, s)) - 1) / s
+        steps.append(np.einsum("yk,tk,ku->tyu", states.C @ V, grown, modal).real + states.D)
+    miss = abs(steps[1] - steps[0])
+    size = abs(steps[0]).max(axis=0)
+    sure = ~np.isnan(found.peak)
+    np.testing.assert_allclose(found.peak[sure], (miss.max(axis=0) / size)[sure], rtol=0.1)
+    rms = np.sqrt(np.mean(miss**2, axis=0) / np.mean(steps[0] ** 2, axis=0))
+    np.testing.assert_allclose(found.rms[sure], rms[sure], rtol=0.1)
+
+
 def test_checks_are_stored_whole(opened: Callable[..., Run]) -> None:
     run = opened("verify.checks=[static, gains, zeros, step]")
     checks = run.checks
