@@ -18,7 +18,7 @@ from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_inter
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.nastran import SET_NAMES
-from cmsreduce.read.row_order import prove_row_order
+from cmsreduce.read.row_order import prove_row_order, without_round_off
 
 __all__ = ["read_body"]
 
@@ -110,11 +110,13 @@ def read_body(
         found = {label: table.rows(one.node, one.component) for label, one in given.items()}
         # A set counts if all its dofs have rows.
         sets = {label: rows for label, rows in found.items() if rows.size and (rows >= 0).all()}
+        inner = table.component == SCALAR
+        inner[sets.get("q", np.empty(0, np.int64))] = True
         also = (shape.node_sets, shape.expanded) if shape is not None else ()
         resolved = {face: resolve_interface(name, face, one, table, nodes, sets, *also) for face, one in named.items()}
         return FEModel(
             name,
-            K.A,
+            K.A if grounded else without_round_off(K.A, M.A, inner),
             M.A,
             table,
             nodes=nodes,
