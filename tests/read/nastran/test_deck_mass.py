@@ -9,7 +9,7 @@ import pytest
 
 from cmsreduce.model import Nodes
 from cmsreduce.read import deck_mass
-from cmsreduce.read.nastran.stated.mass import solid_volumes
+from cmsreduce.read.nastran.stated.mass import grid_masses, solid_volumes
 
 # A bent line, and the corners of a block of 2 x 1 x 3 with a corner aside.
 BLOCK = [[x, y, z] for z in (0.0, 3.0) for x, y in ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))]
@@ -86,6 +86,32 @@ def test_bars_and_points_weigh_what_their_cards_say(tmp_path: Path, cards, parts
 )
 def test_a_deck_that_is_not_counted_whole_states_none(tmp_path: Path, cards) -> None:
     assert stated(tmp_path, *cards) is None
+
+
+TETRAHEDRON = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0], [0.5, 0.5, 3]])
+PAIRS = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
+
+
+@pytest.mark.parametrize("bent", [0.0, 0.01])
+def test_solids_with_nodes_between_corners(tmp_path: Path, bent: float) -> None:
+    """A straight tetrahedron: int x x dV = V / 20 (sum of x x + 16 c c); how its nodes share it is not stated."""
+    middle = np.array([TETRAHEDRON[list(pair)].mean(axis=0) for pair in PAIRS])
+    middle[2, 0] -= bent
+    path = tmp_path / "deck.bdf"
+    cards = ["BEGIN BULK", "GRID,1", MATERIAL, "PSOLID,7,1", "CTETRA,1,7,1,2,3,4,5,6", ",7,8,9,10", "ENDDATA"]
+    path.write_text("\n".join(cards) + "\n")
+    nodes = Nodes.in_basic(range(1, 11), np.vstack([TETRAHEDRON, middle]))
+    found = deck_mass(path, nodes)
+    assert (found is None) == (bent > 0)
+    if found is not None:
+        c = TETRAHEDRON.mean(axis=0)
+        second = 2700 * 1.0 / 20 * (TETRAHEDRON.T @ TETRAHEDRON - 4 * np.outer(c, c))
+        assert found.mass == pytest.approx(2700 * 1.0, rel=1e-14) and not found.nodal_known
+        np.testing.assert_allclose(found.centre, c, rtol=1e-14)
+        np.testing.assert_allclose(found.inertia, np.trace(second) * np.eye(3) - second, rtol=1e-13)
+        # No lumping leaves the hull of an element.
+        assert (found.lumping >= 2700 * np.square(TETRAHEDRON - c).sum(axis=1).max() * (1 - 1e-12)).all()
+        assert grid_masses(path, nodes) is None
 
 
 def test_a_file_that_is_no_deck_states_none(tmp_path: Path) -> None:

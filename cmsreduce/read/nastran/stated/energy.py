@@ -15,7 +15,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import Card, Cards
 from cmsreduce.read.nastran.stated.elements import LAYERED, UNCOUNTED, Bar, Elements, stated_elements
-from cmsreduce.read.nastran.stated.faces import Faces, are_isotropic
+from cmsreduce.read.nastran.stated.faces import EDGES, Faces, are_isotropic
 from cmsreduce.read.nastran.stated.mass import mass_of, solid_volumes
 from cmsreduce.read.nastran.stated.materials import Material, isotropic, lame_of
 from cmsreduce.read.nastran.stated.nodes import nodes_of
@@ -40,12 +40,6 @@ Lost = tuple[int, int]
 _OTHERS = (*UNCOUNTED, *LAYERED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL")
 # Springs between points at one place take no energy from a uniform strain.
 _SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
-_EDGES = {
-    4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    5: ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
-    6: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 4), (2, 5), (3, 4), (4, 5), (5, 3)),
-    8: ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6), (6, 7), (7, 4)),
-}
 # Reasons to leave out an element of a kind that is counted.
 _LOST = ("on points without rows", "of another section or material")
 # Share of a plate's thickness in shear, by default.
@@ -140,7 +134,7 @@ def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyP
         if not len(faces.property):
             continue
         corners = nodes.xyz[faces.nodes]
-        if are_curved(corners, nodes.xyz[faces.between], np.array(_EDGES[faces.corners])).any():
+        if are_curved(corners, nodes.xyz[faces.between], np.array(EDGES[faces.corners])).any():
             raise NotCountedError
         volume = solid_volumes(corners, points=2)[0]
         G = faces.each(lambda p: isotropic(p.integer(1), materials).G)

@@ -14,13 +14,21 @@ from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable
 from cmsreduce.read.nastran.stated.materials import Material, is_isotropic
 from cmsreduce.read.stated import NotCountedError
 
-__all__ = ["PLATES", "SOLIDS", "Faces", "are_isotropic", "plates_of", "properties_of", "solids_of"]
+__all__ = ["EDGES", "PLATES", "SOLIDS", "Faces", "are_isotropic", "plates_of", "properties_of", "solids_of"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 PLATES, SOLIDS = {"CTRIA3": 3, "CQUAD4": 4}, {"CTETRA": 4, "CPYRAM": 5, "CPENTA": 6, "CHEXA": 8}
 """Plates and solids, and the number of their corners."""
+
+EDGES = {
+    4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    5: ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
+    6: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 4), (2, 5), (3, 4), (4, 5), (5, 3)),
+    8: ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6), (6, 7), (7, 4)),
+}
+"""Corners of each edge of solids, by the number of corners."""
 
 
 @dataclass(frozen=True, eq=False)

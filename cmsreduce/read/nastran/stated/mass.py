@@ -13,10 +13,19 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.nastran.stated.elements import LAYERED, UNCOUNTED, Elements, node_index, stated_elements
-from cmsreduce.read.nastran.stated.faces import Faces
+from cmsreduce.read.nastran.stated.faces import EDGES, Faces
 from cmsreduce.read.nastran.stated.materials import Material
 from cmsreduce.read.nastran.stated.points import even_inertia, offset_of, point_blocks, turning_mass, uneven_masses
-from cmsreduce.read.stated import MassPart, NotCountedError, StatedMass, as_inertia, outer, point_mass, sum_of_masses
+from cmsreduce.read.stated import (
+    MassPart,
+    NotCountedError,
+    StatedMass,
+    are_curved,
+    as_inertia,
+    outer,
+    point_mass,
+    sum_of_masses,
+)
 
 __all__ = ["deck_mass", "grid_masses", "mass_of", "solid_volumes"]
 
@@ -57,7 +66,7 @@ def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
     StatedMass or None
         None if the file is no deck, states no mass, or has elements that are not counted: plates in layers or with an
         offset or a thickness of their own, skew plates and solids (their centre depends on the lumping of mass),
-        elements with nodes between corners, scalar masses beside those at one grid, tapered sections or ones of other
+        elements with curved edges, scalar masses beside those at one grid, tapered sections or ones of other
         shapes than BAR, BOX, ROD and TUBE, pyramids.
     """
     return mass_of(stated_elements(path, nodes))
@@ -80,7 +89,10 @@ def mass_of(elements: Elements | None) -> StatedMass | None:
     points, unknown = point_blocks(elements)
     turning = scale * turning_mass(elements)
     turning[unknown] = np.inf
-    return stated._replace(points=scale * points, turning=turning, uneven=None if uneven is None else scale * uneven)
+    # Between corners each program has shares of its own.
+    known = not any(faces.between.shape[1] for faces in (*elements.solids, *elements.plates))
+    uneven = None if uneven is None else scale * uneven
+    return stated._replace(points=scale * points, turning=turning, uneven=uneven, nodal_known=known)
 
 
 def grid_masses(path: Path, nodes: Nodes) -> Array | None:
@@ -96,12 +108,12 @@ def grid_masses(path: Path, nodes: Nodes) -> Array | None:
     Returns
     -------
     (N, 6, 6) float64 or None
-        Masses of elements, and masses, offsets and inertias of CONM2; None where `deck_mass` gives none, or a CONM1 has
-        an inertia.
+        Masses of elements, and masses, offsets and inertias of CONM2; None where `deck_mass` gives none, elements have
+        nodes between corners, or a CONM1 has an inertia.
     """
     elements = stated_elements(path, nodes)
     stated = mass_of(elements)
-    if elements is None or stated is None or stated.uneven is not None:
+    if elements is None or stated is None or stated.uneven is not None or not stated.nodal_known:
         return None
     cards = elements.cards
     scale = _weight_factor(cards)
@@ -171,12 +183,14 @@ def _plates(elements: Elements) -> Iterator[MassPart]:
 def _solids(elements: Elements) -> Iterator[MassPart]:
     for faces in elements.solids:
         # The shape functions of a pyramid differ between programs.
-        if faces.between.shape[1] or faces.corners == _PYRAMID:
+        if faces.corners == _PYRAMID:
             raise NotCountedError
         density = faces.each(lambda p: _density(p.integer(1), elements.materials))
-        corners = elements.nodes.xyz[faces.nodes]
+        corners, between = elements.nodes.xyz[faces.nodes], elements.nodes.xyz[faces.between]
+        if are_curved(corners, between, np.array(EDGES[faces.corners])).any():
+            raise NotCountedError
         volume, centre, second = solid_volumes(corners)
-        yield _spread(faces, corners, density, volume, centre, second)
+        yield _spread(faces, corners, density, volume, centre, second, between=between)
 
 
 def _spread(
@@ -187,15 +201,24 @@ def _spread(
     centre: Array,
     second: Array,
     shares: Array | None = None,
+    between: Array | None = None,
 ) -> MassPart:
-    """Elements whose corners have nearly equal shares (e, k) of the mass; skew ones are refused."""
+    """Elements whose nodes have nearly equal shares (e, k) of the mass; skew ones are refused.
+
+    Those of nodes between corners (e, m, 3) differ by program: the mass of an element at its farthest node is the most
+    that they change.
+    """
     mean = corners.mean(axis=1)
     reach = np.linalg.norm(corners - mean[:, None], axis=2).max(axis=1)
     if (np.linalg.norm(centre - mean, axis=1) > _EVEN * reach).any():
         raise NotCountedError
     mass = density * size
-    share = mass[:, None] * (np.full(corners.shape[:2], 1 / faces.corners) if shares is None else shares)
     spread = density[:, None, None] * second
+    if between is not None and between.shape[1]:
+        nodes = np.hstack([faces.nodes, faces.between])
+        most = (mass * reach**2)[:, None, None] * np.ones((3, 3))
+        return nodes, np.repeat(mass[:, None] / nodes.shape[1], nodes.shape[1], axis=1), centre, spread, most
+    share = mass[:, None] * (np.full(corners.shape[:2], 1 / faces.corners) if shares is None else shares)
     lumped = np.einsum("ek,eki,ekj->eij", share, corners, corners)
     return faces.nodes, share, centre, spread, as_inertia(lumped - spread)
 
