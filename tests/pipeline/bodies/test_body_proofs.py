@@ -121,6 +121,31 @@ def test_a_tetrahedron_with_nodes_between_its_corners_and_a_plate(tmp_path: Path
     np.testing.assert_allclose(found.high.diagonal()[4:], 5 / 6 * 3 * 0.1 * 4, rtol=1e-6)
 
 
+@pytest.mark.parametrize("bent", [0.0, 0.01])
+def test_plates_with_nodes_between_corners_have_the_energy_of_plates(tmp_path: Path, bent: float) -> None:
+    """Their mass, too. What they give to single nodes depends on the program."""
+    from cmsreduce.read import deck_energy, deck_mass
+
+    corners = np.array([[0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0.0]])
+    around = np.array([corners[[k, (k + 1) % 4]].mean(axis=0) for k in range(4)])
+    around[1, 0] += bent
+    third = np.array([4.0, 0, 0])
+    middle = np.array([(corners[1] + third) / 2, (corners[2] + third) / 2])
+    nodes = Nodes.in_basic(range(1, 12), np.vstack([corners, around, third, middle]))
+    path = tmp_path / "deck.bdf"
+    cards = ["CQUAD8,1,1,1,2,3,4,5,6", ",7,8", "CTRIA6,2,1,2,9,3,10,11,6", "PSHELL,1,1,.1,1,,1", "MAT1,1,10.,,.25,7."]
+    path.write_text("\n".join(["BEGIN BULK", *cards, "ENDDATA"]))
+    energy, mass = deck_energy(path, nodes), deck_mass(path, nodes)
+    assert (energy is None) == (mass is None) == (bent > 0)
+    if energy is not None and mass is not None:
+        # A t = 0.9: A t E / (1 - nu^2) along x and y, 4 A t G in the plane, 5/6 A t G across it.
+        np.testing.assert_allclose(energy.low.diagonal(), [9.6, 9.6, 0, 14.4, 0, 0], atol=1e-12)
+        assert energy.high is not None and energy.turning.size == 11 and energy.at_nodes is None
+        np.testing.assert_allclose(energy.high.diagonal()[4:], 5 / 6 * 0.9 * 4, rtol=1e-6)
+        assert mass.mass == pytest.approx(6.3) and not mass.nodal_known
+        np.testing.assert_allclose(mass.centre, [(0.6 * 1 + 0.3 * 8 / 3) / 0.9, (0.6 * 1.5 + 0.3 * 1) / 0.9, 0])
+
+
 def test_a_short_bar_of_a_stated_shape_is_softer_by_its_shear(tmp_path: Path) -> None:
     from cmsreduce.read import deck_energy
 

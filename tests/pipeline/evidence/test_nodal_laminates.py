@@ -106,7 +106,7 @@ def test_plates_beside_their_nodes(tmp_path: Path, kind: str) -> None:
 @pytest.mark.parametrize(
     ("card", "angle"),
     [
-        ("CQUAD4,1,1,{},,,,.02,.03,.02,.02", ""),
+        ("CQUAD4,1,3,{},,,,.02,.03,.02,.02", "thicknesses"),
         ("CQUAD4,1,1,{},3", "a frame"),
         ("CQUAD4,1,2,{}", "other layers"),
     ],
@@ -117,9 +117,9 @@ def test_plates_that_are_not_read_are_not_compared(tmp_path: Path, card: str, an
     body = plate_body("part", made.xyz, made.cells, lambda e: (1.0 + (e == 0)) * laminate(PLIES, 0.0))
     cards = layered(made)
     cards[0] = card.format(",".join(str(node) for node in made.cells[0]))
-    if card.startswith("CQUAD4,1,1,{},,,,"):
-        cards[0] = cards[0].replace(",,,,", ",,,\n,,")
-    cards += ["PCOMP,2,,,,,,,SMEAR", ",8,.002,0."]
+    if angle == "thicknesses":
+        cards[0] = cards[0].replace(",,,,", ",,,\n,,,")
+    cards += ["PCOMP,2,,,,,,,SMEAR", ",8,.002,0.", "PSHELL,3,8,.01,8"]
     proof, failed = stiffness(tmp_path, body, cards)
     assert proof.state == "proven" and not [check for check in failed if "stiffness" in check.name], angle
     assert proof.label == "stiffness (stretch alone)"

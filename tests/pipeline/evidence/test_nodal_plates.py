@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from cmsreduce.model import FEModel, Nodes, cross_matrix
 from cmsreduce.pipeline.evidence.deck_agreement import statement_of
 from cmsreduce.pipeline.evidence.nodal_stiffness import nodes_against_deck
-from tests.frames import BAR, beam_matrices
 from tests.pipeline.bodies.decks import write_deck_body
 from tests.pipeline.evidence.test_nodal_stiffness import BY_NODE, stiffness
 from tests.plates import isotropic_laminate, plate_body
@@ -169,6 +167,25 @@ def test_thickness_and_bending_ratio_of_the_deck(tmp_path: Path) -> None:
         assert proof.state == "refuted" and [c.name for c in failed if "stiffness" in c.name] == [BY_NODE], name
 
 
+@pytest.mark.parametrize("share", [False, True])
+@pytest.mark.parametrize("triangles", [False, True])
+def test_thickness_of_single_plates(tmp_path: Path, share: bool, triangles: bool) -> None:
+    """The same at all corners, as programs for meshes write it; or a share of that of the property."""
+    made = plane(triangles=triangles)
+    deck = ["PSHELL,1,1,.5,1,,1", f"MAT1,1,{E:.4E},,{NU},2700."]
+    for k, (cell, number) in enumerate(zip(made.cells, made.property, strict=True), 1):
+        thick = f"{THICK[number] / 0.5 if share else THICK[number]}"
+        name = "CTRIA3" if len(cell) == 3 else "CQUAD4"
+        corners = [*map(str, cell), "", "", ""][:6]
+        deck += [f"{name},{k},1," + ",".join(corners), f",,{'1' if share else ''}," + ",".join([thick] * len(cell))]
+    for factor, state in ((1.0, "proven"), (1.02, "refuted")):
+        folder = tmp_path / str(factor)
+        folder.mkdir()
+        proof, _ = stiffness(folder, body(made, "mindlin", lambda e, by=factor: by if e == 7 else 1.0), deck)
+        assert proof.state == state and proof.label == "stiffness", proof
+        assert state == "refuted" or f"at {len(made.xyz)} of {len(made.xyz)} nodes" in proof.remark
+
+
 SOFT = f"MAT1,2,{E / 2:.4E},,{NU},2700."
 
 
@@ -229,55 +246,6 @@ def test_held_edges(tmp_path: Path, kind: str) -> None:
         proof, failed = stiffness(folder, cut, [*cards(made), *supports])
         assert proof.state == state, (name, proof, failed)
         assert state == "refuted" or f"at {len(made.xyz) - held.size} of" in proof.remark, proof
-
-
-def stiffened_edge(made: Mesh, kind: str, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> FEModel:
-    """A plate with bars on the edge y = 0, beside their nodes by an offset."""
-    free, arm = body(made, kind), np.eye(12)
-    for end in (0, 6):
-        arm[end : end + 3, end + 3 : end + 6] = -cross_matrix(np.array(offset))
-    K = free.K.tolil()
-    for a, b in pairwise(edge_of(made)):
-        k, _ = beam_matrices(made.xyz[a - 1] + offset, made.xyz[b - 1] + offset, BAR)
-        dofs = np.r_[6 * (a - 1) : 6 * a, 6 * (b - 1) : 6 * b]
-        K[np.ix_(dofs, dofs)] += arm.T @ k @ arm
-    return replace(free, K=sp.csc_array(K))
-
-
-def edge_of(made: Mesh) -> list[int]:
-    return [int(k) + 1 for k in np.flatnonzero(made.xyz[:, 1] == 0)]
-
-
-def edge_cards(made: Mesh, offset: Sequence[float] = ()) -> list[str]:
-    deck = cards(made)
-    for number, (a, b) in enumerate(pairwise(edge_of(made))):
-        deck.append(f"CBAR,{900 + number},9,{a},{b},0.,1.,0.")
-        deck += [",,," + ",".join(str(v) for v in [*offset, *offset])] if offset else []
-    deck.append(f"PBAR,9,9,{BAR.A:.6E},{BAR.Iz:.6E},{BAR.Iy:.6E},{BAR.J:.6E}")
-    return [*deck, f"MAT1,9,{BAR.E:.6E},{BAR.G:.6E},,{BAR.rho}"]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_bars_beside_plates(tmp_path: Path, kind: str) -> None:
-    """Bending of the bars in the plane of the plates is not compared."""
-    made = plane()
-    proof, failed = stiffness(tmp_path, stiffened_edge(made, kind), edge_cards(made))
-    assert proof.state == "proven" and not [check for check in failed if "stiffness" in check.name]
-    assert f"at {len(made.xyz)} of" in proof.remark and proof.label == "stiffness (stretch alone)"
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_side_of_bars_beside_plates(tmp_path: Path, kind: str) -> None:
-    """Bars on the other side of the plates have the same bending and stretch; both are coupled by the other sign."""
-    made, offset = plane(), [0.0, 0.0, 0.03]
-    for name, side, state in (("same", 0.03, "proven"), ("other", -0.03, "refuted")):
-        folder = tmp_path / name
-        folder.mkdir()
-        stiff = stiffened_edge(made, kind, [0.0, 0.0, side])
-        proof, failed = stiffness(folder, stiff, edge_cards(made, offset))
-        assert proof.state == state, proof
-        wrong = [check.name for check in failed if "stiffness" in check.name]
-        assert wrong == ([BY_NODE] if state == "refuted" else [])
 
 
 def test_coordinates_of_few_digits_refute_no_thin_plate(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.bars import offsets_of
 from cmsreduce.read.nastran.cards import Card, Cards, CardTable, read_cards
 from cmsreduce.read.nastran.frames import FRAME_CARDS, CoordinateSystem, FrameChain, frame_definitions
-from cmsreduce.read.nastran.stated.faces import PLATES, SOLIDS, Faces, plates_of, solids_of
+from cmsreduce.read.nastran.stated.faces import PLATES, QUADRATIC, SOLIDS, Faces, plates_of, solids_of
 from cmsreduce.read.nastran.stated.materials import Material, materials_of
 from cmsreduce.read.nastran.stated.sections import SHAPED, Section, sections_of
 from cmsreduce.read.stated import NotCountedError
@@ -29,8 +29,18 @@ UNKNOWN = (
     *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX"),
     *("CTUBE", "CBEND", "CBEAM3"),
 )
-"""Elements that nothing here counts, with their nodes on their cards."""
-UNCOUNTED = (*UNKNOWN, "PCOMPG", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT", "BAROR", "BEAMOR", "DMIG")
+"""Elements whose stiffness at nodes nothing here counts, with their nodes on their cards."""
+UNCOUNTED = (
+    *(name for name in UNKNOWN if name not in QUADRATIC),
+    "PCOMPG",
+    "MAT9",
+    "PBCOMP",
+    "PBRSECT",
+    "PBMSECT",
+    "BAROR",
+    "BEAMOR",
+    "DMIG",
+)
 """Cards of mass and stiffness that nothing here counts."""
 
 LAYERED = ("PCOMP", "MAT2", "MAT8")
@@ -38,7 +48,7 @@ LAYERED = ("PCOMP", "MAT2", "MAT8")
 
 _BARS = {"CBAR": "PBAR", "CBEAM": "PBEAM", "CROD": "PROD", "CONROD": ""}
 _CARDS = (
-    *(*_BARS, "PBAR", "PBEAM", "PROD", *SHAPED, *PLATES, *SOLIDS, "PSHELL", "PSOLID", "MAT1", "PARAM"),
+    *(*_BARS, "PBAR", "PBEAM", "PROD", *SHAPED, *PLATES, *SOLIDS, *QUADRATIC, "PSHELL", "PSOLID", "MAT1", "PARAM"),
     # Cards of mass alone, then of stiffness alone.
     *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1"),
     *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
@@ -93,8 +103,8 @@ class Elements:
     Raises
     ------
     NotCountedError
-        By a kind of elements, if a property is missing or an element is not counted: a plate with an offset or a
-        thickness of its own, a solid with some of its nodes between corners only. Bars are counted one by one.
+        By a kind of elements, if a property is missing or an element is not counted: a plate with an offset or
+        corners of another thickness, a solid with some of its nodes between corners only. Bars are counted one by one.
     """
 
     def __init__(self, cards: Cards, nodes: Nodes, prestressed: bool = False) -> None:

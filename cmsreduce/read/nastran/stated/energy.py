@@ -164,7 +164,9 @@ def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyP
         x = x - n * np.einsum("ei,ei->e", x, n)[:, None]
         x = x / np.maximum(np.linalg.norm(x, axis=1), np.finfo(float).tiny)[:, None]
         y = np.cross(n, x)
-        thick = faces.each(lambda p: p.real(2))
+        thick = faces.thick
+        # Nodes between corners halve the edges.
+        shortest = shortest / (2 if faces.between.shape[1] else 1)
         if faces.each(lambda p: p.integer(1, 0) < 0 or p.integer(3, 0) < 0).any():
             raise NotCountedError
         E = faces.each(lambda p: _layer(p, 1, materials).E)
@@ -179,7 +181,7 @@ def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyP
         stiff = np.where(slope > 0, slope, _BENT * D * thick**3 / shortest**2) * area * (D > 0)
         # The nodes do not turn with the plate: it is sheared across, and bends where it has no shear.
         high = low + _quadratic(stiff, _strain_of(n, x)) + _quadratic(stiff, _strain_of(n, y))
-        parts.append((faces.nodes, low, low, high, True))
+        parts.append((np.hstack([faces.nodes, faces.between]), low, low, high, True))
     return parts, (lost, 0)
 
 
@@ -222,7 +224,7 @@ def _bars(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyPar
 
 _KINDS = {
     ("CTETRA", "CPYRAM", "CPENTA", "CHEXA"): _solids,
-    ("CTRIA3", "CQUAD4"): _plates,
+    ("CTRIA3", "CQUAD4", "CTRIA6", "CQUAD8"): _plates,
     ("CBAR", "CBEAM", "CROD", "CONROD"): _bars,
 }
 

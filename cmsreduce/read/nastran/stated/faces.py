@@ -12,15 +12,33 @@ from numpy.typing import NDArray
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable
 from cmsreduce.read.nastran.stated.materials import Material, is_isotropic
-from cmsreduce.read.stated import NotCountedError
+from cmsreduce.read.stated import NotCountedError, are_curved
 
-__all__ = ["EDGES", "PLATES", "SOLIDS", "Faces", "are_isotropic", "plates_of", "properties_of", "solids_of"]
+__all__ = [
+    "EDGES",
+    "PLATES",
+    "QUADRATIC",
+    "SOLIDS",
+    "Faces",
+    "are_isotropic",
+    "own_thickness",
+    "plates_of",
+    "properties_of",
+    "solids_of",
+]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 PLATES, SOLIDS = {"CTRIA3": 3, "CQUAD4": 4}, {"CTETRA": 4, "CPYRAM": 5, "CPENTA": 6, "CHEXA": 8}
 """Plates and solids, and the number of their corners."""
+QUADRATIC = {"CTRIA6": 3, "CQUAD8": 4}
+"""Plates with nodes between corners, and the number of their corners."""
+
+# Thickness of a plate of corners alone at the first of them, behind a flag.
+_FIRST_THICKNESS = 10
+# Angle of the material of plates with nodes between corners, by the number of corners.
+_QUADRATIC_ANGLE = {3: 8, 4: 14}
 
 EDGES = {
     4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
@@ -47,6 +65,8 @@ class Faces:
         PSHELL or PSOLID.
     corners : int
         Number of corners.
+    thick : (e,) float64
+        Thickness of plates; nothing of solids.
     """
 
     nodes: Indices
@@ -54,12 +74,16 @@ class Faces:
     property: Indices
     cards: Sequence[Card]
     corners: int
+    thick: Array
 
     def only(self, keep: NDArray[np.bool_]) -> Faces:
         """Some of the elements (e,)."""
         if keep.all():
             return self
-        return replace(self, nodes=self.nodes[keep], between=self.between[keep], property=self.property[keep])
+        thick = self.thick[keep] if self.thick.size else self.thick
+        return replace(
+            self, nodes=self.nodes[keep], between=self.between[keep], property=self.property[keep], thick=thick
+        )
 
     def each(self, value: Callable[[Card], float]) -> Array:
         """A value of the property of each element (e,); properties of no element are not read."""
@@ -81,23 +105,55 @@ def are_isotropic(faces: Faces, field: int, materials: Mapping[int, Material]) -
     return faces.each(known) > 0
 
 
+def own_thickness(found: CardTable, corners: int) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Thickness (e,) that triangles or quadrilaterals have of their own, 0 for that of the property.
+
+    Then, True for those that are shares of the property's, and True for those that differ between corners.
+    """
+    if found.width <= _FIRST_THICKNESS:
+        none = np.zeros(len(found), dtype=bool)
+        return np.zeros(len(found)), none, none
+    at = np.stack([found.reals(_FIRST_THICKNESS + k) for k in range(corners)], axis=1)
+    flag = found.reals(_FIRST_THICKNESS - 1)
+    return at[:, 0], flag == 1, np.asarray((at != at[:, :1]).any(axis=1) | ~np.isin(flag, (0, 1)))
+
+
 def plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
     """Plates of a PSHELL.
 
     Raises
     ------
     NotCountedError
-        If one has an offset, an angle or a thickness of its own, or no property.
+        If one has an offset, a thickness that differs between corners, curved edges, or no property.
     """
     made = {card.integer(0): card for card in cards.get("PSHELL", ())}
-    for name, count in PLATES.items():
+    for name, count in (PLATES | QUADRATIC).items():
         found = cards.get(name, NO_CARDS)
-        # After the corners: an angle of the material, then the element's own offset and thicknesses.
-        if any(found.reals(k).any() for k in range(3 + count, found.width)):
+        if not len(found):
+            continue
+        sides = count if name in QUADRATIC else 0
+        if sides:
+            # An offset, and thicknesses of corners.
+            others = [k for k in range(2 + 2 * count, found.width) if k != _QUADRATIC_ANGLE[count]]
+            own, shares, uneven = (np.zeros(len(found)), *(np.zeros(len(found), dtype=bool) for _ in range(2)))
+        else:
+            # After the corners: an angle of the material, then the element's own offset.
+            others = [3 + count, _FIRST_THICKNESS - 2]
+            own, shares, uneven = own_thickness(found, count)
+        if uneven.any() or any(found.reals(k).any() for k in others if k < found.width):
             raise NotCountedError
-        if len(found):
-            ids = np.stack([found.integers(2 + k) for k in range(count)], axis=1)
-            yield _faces(ids, np.zeros((len(ids), 0), dtype=np.int64), properties_of(found, made), made, nodes)
+        ids, more = (
+            np.stack([found.integers(first + k) for k in range(many)], axis=1)
+            if many
+            else np.zeros((len(found), 0), int)
+            for first, many in ((2, count), (2 + count, sides))
+        )
+        faces = _faces(ids, more, properties_of(found, made), made, nodes)
+        around = np.array([(k, (k + 1) % count) for k in range(count)])
+        if are_curved(nodes.xyz[faces.nodes], nodes.xyz[faces.between], around).any():
+            raise NotCountedError
+        thick = faces.each(lambda p: p.real(2))
+        yield replace(faces, thick=np.where(own > 0, np.where(shares, own * thick, own), thick))
 
 
 def solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
@@ -151,4 +207,6 @@ def _faces(ids: Indices, more: Indices, properties: Indices, made: Mapping[int, 
     at, between = nodes.index(ids.ravel()), nodes.index(more.ravel())
     if (at < 0).any() or (between < 0).any():
         raise NotCountedError
-    return Faces(at.reshape(ids.shape), between.reshape(more.shape), properties, tuple(made.values()), ids.shape[1])
+    return Faces(
+        at.reshape(ids.shape), between.reshape(more.shape), properties, tuple(made.values()), ids.shape[1], np.zeros(0)
+    )

@@ -65,8 +65,8 @@ def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
     -------
     StatedMass or None
         None if the file is no deck, states no mass, or has elements that are not counted: plates in layers or with an
-        offset or a thickness of their own, skew plates and solids (their centre depends on the lumping of mass),
-        elements with curved edges, scalar masses beside those at one grid, tapered sections or ones of other
+        offset or a thickness that differs between corners, skew plates and solids (their centre depends on the lumping
+        of mass), elements with curved edges, scalar masses beside those at one grid, tapered sections or ones of other
         shapes than BAR, BOX, ROD and TUBE, pyramids.
     """
     return mass_of(stated_elements(path, nodes))
@@ -174,10 +174,20 @@ def _points(elements: Elements) -> Iterator[MassPart]:
 
 def _plates(elements: Elements) -> Iterator[MassPart]:
     for faces in elements.plates:
-        per_area = faces.each(lambda p: _density(p.integer(1, 0), elements.materials) * p.real(2) + p.real(7))
+        per_area = faces.each(lambda p: _density(p.integer(1, 0), elements.materials))
+        per_area = per_area * faces.thick + faces.each(lambda p: p.real(7))
         corners = elements.nodes.xyz[faces.nodes]
         area, centre, second = _plate_areas(corners)
-        yield _spread(faces, corners, per_area, area, centre, second, _plate_shares(corners, area))
+        yield _spread(
+            faces,
+            corners,
+            per_area,
+            area,
+            centre,
+            second,
+            _plate_shares(corners, area),
+            elements.nodes.xyz[faces.between],
+        )
 
 
 def _solids(elements: Elements) -> Iterator[MassPart]:

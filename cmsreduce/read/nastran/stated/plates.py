@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.read.nastran.cards import INTEGER, NO_CARDS, Card, CardTable
 from cmsreduce.read.nastran.stated.elements import Elements
-from cmsreduce.read.nastran.stated.faces import PLATES, properties_of
+from cmsreduce.read.nastran.stated.faces import PLATES, own_thickness, properties_of
 from cmsreduce.read.nastran.stated.materials import isotropic
 from cmsreduce.read.stated import NotCountedError, StatedPlates
 from cmsreduce.read.stated_nodes import flat_plates
@@ -27,8 +27,8 @@ _WHOLE, _HALF = "", "SYM"
 def stated_plates(elements: Elements) -> StatedPlates | None:
     """Plates of a deck with the stiffness of each; None without plates.
 
-    A plate with a thickness at each corner, a property that is not read here, or an angle that programs measure from
-    different axes, is not flat.
+    A plate with another thickness at each corner, a property that is not read here, or an angle that programs measure
+    from different axes, is not flat.
 
     Raises
     ------
@@ -46,17 +46,18 @@ def stated_plates(elements: Elements) -> StatedPlates | None:
             raise NotCountedError
         angle, known = _angles(found, 2 + count)
         offset = found.reals(3 + count)
-        # A flag of the thicknesses stands before them.
-        own = np.any([found.reals(k) != 0 for k in range(4 + count, max(found.width, 5 + count))], axis=0)
-        kind = np.stack([properties_of(found, made), angle, offset], axis=1)
+        own, shares, uneven = own_thickness(found, count)
+        kind = np.stack([properties_of(found, made), angle, offset, own, shares], axis=1)
         used, of = np.unique(kind, axis=0, return_inverse=True)
-        laminates = [_laminate(cards[int(k)], elements, turn, away) for k, turn, away in used]
+        laminates = [
+            _laminate(cards[int(k)], elements, turn, away, thick, bool(share)) for k, turn, away, thick, share in used
+        ]
         unknown = np.array([each is None for each in laminates])
         filled = np.array([np.zeros((6, 6)) if each is None else each for each in laminates])
         plates = flat_plates(corners.reshape(-1, count), elements.nodes.xyz, filled[of], kinds + of)
         # Of materials that are alike in all directions no angle matters.
         unknown = unknown[of] | (_skew(elements.nodes.xyz[corners.reshape(-1, count)]) | ~known) & ~_alike(filled)[of]
-        parts.append(plates._replace(flat=plates.flat & ~unknown & ~own))
+        parts.append(plates._replace(flat=plates.flat & ~unknown & ~uneven))
         kinds += len(used)
     return StatedPlates(*(np.concatenate(each) for each in zip(*parts, strict=True))) if parts else None
 
@@ -68,10 +69,17 @@ def _angles(found: CardTable, field: int) -> tuple[Array, NDArray[np.bool_]]:
     return np.where(frames, 0.0, np.radians(found.reals(field))), ~frames
 
 
-def _laminate(card: Card, elements: Elements, angle: float, offset: float) -> Array | None:
-    """Laminate (6, 6) about the first edge and the plane of the nodes; None if it is not read here."""
+def _laminate(card: Card, elements: Elements, angle: float, offset: float, thick: float, share: bool) -> Array | None:
+    """Laminate (6, 6) about the first edge and the plane of the nodes; None if it is not read here.
+
+    ``thick`` is the thickness of the element, or its share of that of the property; 0 for that of the property.
+    """
+    if thick and card.name != "PSHELL":
+        return None
     try:
-        own = _shell(card, elements) if card.name == "PSHELL" else _layers(card, elements)
+        whole = card.real(2) if card.name == "PSHELL" else 0.0
+        thick = (thick * whole if share else thick) or whole
+        own = _shell(card, elements, thick) if card.name == "PSHELL" else _layers(card, elements)
     except NotCountedError:
         return None
     R = np.kron(np.eye(2), _turned(angle))
@@ -109,11 +117,11 @@ def _alike(laminates: Array) -> NDArray[np.bool_]:
     return np.asarray(off <= _SAME * abs(laminates).max(axis=(1, 2)))
 
 
-def _shell(card: Card, elements: Elements) -> Array:
-    """A PSHELL; its shear across changes no force of a plate of constant curvature."""
+def _shell(card: Card, elements: Elements, thick: float) -> Array:
+    """A PSHELL of a thickness; its shear across changes no force of a plate of constant curvature."""
     if card.integer(1, 0) < 0 or card.integer(3, 0) < 0 or card.text(10):
         raise NotCountedError
-    thick, found = card.real(2), np.zeros((6, 6))
+    found = np.zeros((6, 6))
     for first, k, share in ((0, 1, thick), (3, 3, card.real(4, 1.0) * thick**3 / 12)):
         if card.text(k):
             found[first : first + 3, first : first + 3] = share * _plane(card.integer(k), elements)

@@ -141,10 +141,10 @@ def turning_mass(elements: Elements) -> Array:
     for faces in elements.plates:
         corners = nodes.xyz[faces.nodes]
         size = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        thick = faces.each(lambda p: p.real(2))
+        thick, at = faces.thick, np.hstack([faces.nodes, faces.between])
         per_volume = faces.each(lambda p: materials[p.integer(1, 0)].density if p.integer(1, 0) in materials else 0.0)
         mass = (per_volume * thick + faces.each(lambda p: p.real(7))) * size**2
         k = faces.corners
         for add, part in ((0, _COUPLED[k] * mass * size), (1, mass * (_TURNED[k] * size**2 + thick**2))):
-            np.add.at(found[:, add], faces.nodes, np.repeat(part[:, None], k, axis=1))
+            np.add.at(found[:, add], at, np.repeat(part[:, None], at.shape[1], axis=1))
     return found
