@@ -106,15 +106,9 @@ class ShapeSearch:
         if (all_modes := self.settled(self.directions.modes(every), 0)).judged.worst > _HOPELESS:
             return all_modes
         best = self.given(self.directions.counts())
-        while not best.passes and best.count < self._most:
-            more = max(1, best.count // 4)
-            counts = self.directions.counts(best.count + more)
-            # In haste a set that failed is left: what leads the responses needs fewer rounds than it and a few more.
-            if self._thorough or sum(counts.values()) <= best.count:
-                best = self.grown(best, more)
-            else:
-                best = self.settled(self.directions.leading(counts), _FEW_ROUNDS)
-        best = self._fewer(best)
+        while self._thorough and not best.passes and best.count < self._most:
+            best = self.grown(best, max(1, best.count // 4))
+        best = self._fewer(best) if best.passes else self.reached(best)
         known = modes()
         if known is not None and (not best.passes or sum(own.size for own in known.values()) < best.count):
             other = self._fewer(self.settled(self.directions.modes(known), _ROUNDS))
@@ -122,18 +116,31 @@ class ShapeSearch:
         return best
 
     def reached(self, settled: Settled) -> Settled:
-        """Add directions until a set passes, each time twice as many, and leave out again what is not needed.
+        """Replace a set that fails by more of the leading directions; leave out what is not needed.
 
         Notes
         -----
-        Where a channel is all but silent, as beside a configuration whose symmetry uncouples it, no single direction
-        brings its decibels nearer to their limit.
+        Beside a configuration whose symmetry silences a channel, the optimisation brings decibels no nearer to their
+        limit from shapes that fail there, also not with further directions beside them.
         """
-        found, failed, more = settled, settled.count, 1
-        while not found.passes and found.count < self._most:
-            found, failed = self.grown(found, more), found.count
-            more *= 2
-        return self._fewer(found, failed) if found.count > failed + 1 else found
+        return settled if settled.passes else self._fewer(self._leading(settled.count), settled.count)
+
+    def _leading(self, failed: int) -> Settled:
+        """The fewest leading directions that pass without optimisation, more than a number; all where none pass."""
+
+        def led(count: int) -> Settled:
+            return self.settled(self.directions.leading(self.directions.counts(count)), 0)
+
+        enough = self._most
+        found = led(enough)
+        while enough > failed + 1:
+            middle = (failed + enough) // 2
+            tried = led(middle)
+            if tried.passes:
+                found, enough = tried, middle
+            else:
+                failed = middle
+        return found
 
     def _fewer(self, best: Settled, failed: int = 0) -> Settled:
         """Leave out shapes as long as a set passes; so many of them are known to fail.
@@ -256,6 +263,9 @@ class ShapeSearch:
         """Directions of most energy by either weight, the strongest modes, and what is left of more shapes."""
         for mix in MIXES:
             yield self.directions.leading(counts, mix)
+        # In haste more shapes are sought instead.
+        if not self._thorough:
+            return
         shares = self.directions.mode_shares
         yield self.directions.modes({name: np.argsort(-share)[: counts[name]] for name, share in shares.items()})
         # It takes as long as a round: it is made if the others fail.

@@ -228,38 +228,26 @@ def test_a_search_in_haste_starts_afresh_where_a_number_failed(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("least", "grown", "left_out"),
-    [
-        (10, [], []),
-        (11, [11], []),
-        (12, [11, 13], [12]),
-        (14, [11, 13, 17], [14]),
-        (29, [11, 13, 17, 25, 30], [27, 29, 28]),
-    ],
+    ("least", "led", "left_out"),
+    [(3, [], []), (4, [10, 6, 4], []), (7, [10, 6, 8, 7], [6]), (10, [10, 6, 8, 9], [8, 9]), (11, [10, 6, 8, 9], [])],
 )
-def test_a_set_that_more_shapes_help_little_grows_faster_and_shrinks_again(monkeypatch, least, grown, left_out):
-    """Ten shapes fail in further configurations, and all of so many pass."""
-    counts: dict[str, list[int]] = {"grown": [], "shrunk": []}
+def test_a_set_that_fails_in_further_configurations_gives_way_to_leading_directions(monkeypatch, least, led, left_out):
+    """Three shapes fail there. Grown by directions beyond them, they still failed with nearly all modes."""
+    counts: dict[str, list[int]] = {"led": [], "left out": []}
+    scene, _ = one_body(18)
 
-    def settled(count):
-        return Settled(
-            {"b": np.eye(30)[:, :count]}, Judged(np.zeros(1), np.zeros(1), 0.5 if count >= least else 5.0), 0
-        )
+    def judge(shapes):
+        count = shapes["b"].shape[1]
+        counts["led"].append(count)
+        np.testing.assert_array_equal(shapes["b"], search.directions.leading({"b": count})["b"])
+        worst = 0.5 if count >= least else 3.0
+        return Judged(np.array([worst]), np.zeros(1), worst)
 
-    def changed(kind, sign):
-        def made(_, best, step):
-            counts[kind].append(min(best.count + sign * step, 30))
-            found = settled(counts[kind][-1])
-            return found if found.passes or sign > 0 else None
-
-        return made
-
-    monkeypatch.setattr(ShapeSearch, "grown", changed("grown", 1))
-    monkeypatch.setattr(ShapeSearch, "_shrunk", changed("shrunk", -1))
-    monkeypatch.setattr(ShapeSearch, "_most", 30)
-    search = ShapeSearch(one_body(18)[0], ResponseLimits(0.02, np.inf), lambda _: None, thorough=False)
-    found = search.reached(settled(10))
-    assert found.count == least and counts == {"grown": grown, "shrunk": left_out}
+    monkeypatch.setattr(ShapeSearch, "_shrunk", lambda _, best, step: counts["left out"].append(best.count - step))
+    search = ShapeSearch(scene, ResponseLimits(0.02, np.inf), judge, thorough=False)
+    found = search.reached(search.settled(search.directions.leading({"b": 3}), 0))
+    assert counts == {"led": [3, *led], "left out": left_out}
+    assert (found.count, found.passes) == (max(3, min(least, 10)), least <= 10)
 
 
 @pytest.mark.parametrize(("left", "sought"), [(1.3, False), (1.1, True)])
