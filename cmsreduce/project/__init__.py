@@ -8,6 +8,7 @@ from cmsreduce.project.body_modes import BodyModes
 from cmsreduce.project.closed_loop_shares import closed_loop_shares
 from cmsreduce.project.extraneous import extraneous_count, extraneous_modes, returned
 from cmsreduce.project.projection import Projection, keep_combinations, project_shapes
+from cmsreduce.project.range_search import RangeSearch
 from cmsreduce.project.response_certificate import (
     ESTIMATE_FACTOR,
     ResponseCertificate,
@@ -25,6 +26,7 @@ __all__ = [
     "BodyModes",
     "Judged",
     "Projection",
+    "RangeSearch",
     "ResponseCertificate",
     "ResponseLimits",
     "ResponseSample",

@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 _STEPS = 40
 # Rounds before a number of shapes is given up; fewer where a few shapes were left out of a set that passes.
 _ROUNDS, _FEW_ROUNDS = 8, 4
-# Rounds without a better set after which the optimisation ends; so far from the limits, unless it is thorough, one.
-_PATIENCE, _FAR = 3, 2.0
+# Rounds without a better set after which the optimisation ends.
+_PATIENCE = 3
 # A given number of shapes is also reached from this many times as many, and in the end, with more patience, from more
 # after so many steps.
 _MORE, _MOST, _MOST_STEPS = 1.3, 1.4, 300
@@ -60,9 +60,9 @@ class ShapeSearch:
         Measures a set of shapes on finer grids, and by limits that the optimisation does not know.
     in_decibels : callable
         Gives the responses on grids that show the errors in decibels; None if these have no limit.
-    thorough : bool
-        Try other distributions, and decibels themselves, before a number of shapes is given up.
     """
+
+    _heats: tuple[tuple[int, int], ...] = _HEATS
 
     def __init__(
         self,
@@ -70,11 +70,8 @@ class ShapeSearch:
         limits: ResponseLimits,
         judge: Callable[[Shapes], Judged],
         in_decibels: Callable[[], SceneResponses | None] = lambda: None,
-        *,
-        thorough: bool = True,
     ) -> None:
         self.scene, self.limits, self.judge, self._in_decibels = scene, limits, judge, in_decibels
-        self._thorough = thorough
         self.directions = SceneDirections(scene)
         self.steps = 0
         self.factors = np.ones((2, len(scene.samples)))
@@ -105,15 +102,18 @@ class ShapeSearch:
         every = {name: np.arange(body.count) for name, body in self.scene.bodies.items()}
         if (all_modes := self.settled(self.directions.modes(every), 0)).judged.worst > _HOPELESS:
             return all_modes
-        best = self.given(self.directions.counts())
-        while self._thorough and not best.passes and best.count < self._most:
-            best = self.grown(best, max(1, best.count // 4))
-        best = self._fewer(best) if best.passes else self.reached(best)
+        best = self._passing(self.given(self.directions.counts()))
         known = modes()
         if known is not None and (not best.passes or sum(own.size for own in known.values()) < best.count):
             other = self._fewer(self.settled(self.directions.modes(known), _ROUNDS))
             best = other if other.passes else best
         return best
+
+    def _passing(self, best: Settled) -> Settled:
+        """A set without a shape that is not needed, from one that may fail."""
+        while not best.passes and best.count < self._most:
+            best = self.grown(best, max(1, best.count // 4))
+        return self._fewer(best)
 
     def reached(self, settled: Settled) -> Settled:
         """Replace a set that fails by more of the leading directions; leave out what is not needed.
@@ -149,14 +149,9 @@ class ShapeSearch:
         -----
         Leave out the directions that the responses miss least, and optimise those that remain. First several directions
         at a time; where the optimisation fails, half as many. At the end each body in turn gives one of its shapes.
-        Unless the search is thorough, a number that failed once is not tried from other shapes.
         """
         step = max(1, best.count // 5)
-        while best.passes and best.count > 1:
-            while step > 1 and best.count - step <= failed and not self._thorough:
-                step //= 2
-            if best.count - step <= failed and not self._thorough:
-                break
+        while best.passes and best.count > 1 and (step := self._step(step, best.count - failed - 1)):
             tried = self._shrunk(best, step)
             if tried is not None:
                 best = tried
@@ -167,9 +162,13 @@ class ShapeSearch:
                 break
         return best
 
+    def _step(self, step: int, untried: int) -> int:
+        """Number of shapes to leave out of a passing set; so many numbers lie between it and one that failed."""
+        return step
+
     def extended(self, scene: SceneResponses) -> ShapeSearch:
         """A search with the weights of this one in further configurations."""
-        found = ShapeSearch(scene, self.limits, self.judge, self._in_decibels, thorough=self._thorough)
+        found = type(self)(scene, self.limits, self.judge, self._in_decibels)
         found.factors[:, : self.factors.shape[1]] = self.factors
         return found
 
@@ -205,8 +204,7 @@ class ShapeSearch:
         best, since = Settled(dict(shapes), self.judge(shapes), self.steps), 0
         judged = best.judged
         for _ in range(rounds):
-            patience = _PATIENCE if self._thorough or best.judged.worst <= _FAR else 1
-            if judged.worst <= 1 or since > patience:
+            if judged.worst <= 1 or since > self._patience(best):
                 break
             errors = np.maximum([judged.frf[:count], judged.db[:count]], np.finfo(float).tiny)
             if since or not afresh:
@@ -217,6 +215,10 @@ class ShapeSearch:
             if judged.worst < best.judged.worst:
                 best, since = Settled(fit.shapes, judged, self.steps), 1
         return replace(best, steps=self.steps)
+
+    def _patience(self, best: Settled) -> int:
+        """Rounds without a better set than this one after which the optimisation ends."""
+        return _PATIENCE
 
     @property
     def _weighted(self) -> list[ResponseLimits]:
@@ -263,9 +265,6 @@ class ShapeSearch:
         """Directions of most energy by either weight, the strongest modes, and what is left of more shapes."""
         for mix in MIXES:
             yield self.directions.leading(counts, mix)
-        # In haste more shapes are sought instead.
-        if not self._thorough:
-            return
         shares = self.directions.mode_shares
         yield self.directions.modes({name: np.argsort(-share)[: counts[name]] for name, share in shares.items()})
         # It takes as long as a round: it is made if the others fail.
@@ -280,11 +279,7 @@ class ShapeSearch:
     def _shrunk(self, best: Settled, step: int) -> Settled | None:
         """A passing set of fewer shapes, or None if the optimisation finds none."""
         if step > 1:
-            tried = self.settled(self._less(best.shapes, best.count - step, {}, mended=False), _FEW_ROUNDS)
-            return tried if tried.passes else None
-        if not self._thorough:
-            tried = self.settled(self._less(best.shapes, best.count - 1, {}, mended=True), _FEW_ROUNDS)
-            return tried if tried.passes else None
+            return self._without(best, step, mended=False)
         names = list(best.counts)
         # One shape less, also with one more of another body for one of a third.
         moves = [(a, b) for a in names for b in names]
@@ -293,6 +288,11 @@ class ShapeSearch:
         fewer = [each for k, each in enumerate(fewer) if each not in fewer[:k] and self._possible(each)]
         afresh = [self.directions.leading(counts) for counts in fewer[:_SPLITS]]
         tried = self._from_best([self._less(best.shapes, best.count - 1, {}, mended=True), *afresh])
+        return tried if tried.passes else None
+
+    def _without(self, best: Settled, step: int, *, mended: bool) -> Settled | None:
+        """A passing set with so many shapes less, or None if the optimisation finds none."""
+        tried = self.settled(self._less(best.shapes, best.count - step, {}, mended=mended), _FEW_ROUNDS)
         return tried if tried.passes else None
 
     def _possible(self, counts: Mapping[str, int]) -> bool:
@@ -316,7 +316,7 @@ class ShapeSearch:
             if not names:
                 break
             tried: list[Shapes] = [{**shapes, name: fewer} for name in names for fewer in self._one_less(name, shapes)]
-            for kept, steps in (_HEATS if self._thorough else _HEATS[:2]) if mended else ():
+            for kept, steps in self._heats if mended else ():
                 fits = [self._fitted(each, steps) for each in sorted(tried, key=self._misfit)[:kept]]
                 tried = [fit.shapes for fit in fits]
             shapes = min(tried, key=self._misfit)

@@ -13,6 +13,7 @@ from cmsreduce.project import (
     ESTIMATE_FACTOR,
     BodyModes,
     Judged,
+    RangeSearch,
     ResponseLimits,
     ResponseSample,
     SceneResponses,
@@ -174,20 +175,22 @@ def test_shapes_are_never_more_than_the_modes_that_are_known_to_pass(monkeypatch
     assert found.passes and found.count <= len(passing) < alone.count
 
 
-@pytest.mark.parametrize(("worst", "thorough", "fits"), [(3.0, True, 4), (3.0, False, 2), (1.5, False, 4)])
-def test_a_search_in_haste_gives_up_early_far_from_the_limits(monkeypatch, worst, thorough, fits):
+@pytest.mark.parametrize(
+    ("worst", "kind", "fits"), [(3.0, ShapeSearch, 4), (3.0, RangeSearch, 2), (1.5, RangeSearch, 4)]
+)
+def test_a_search_of_a_range_gives_up_early_far_from_the_limits(monkeypatch, worst, kind, fits):
     scene, _ = one_body(18)
     rounds = []
     fitted = ShapeSearch._fitted
     monkeypatch.setattr(ShapeSearch, "_fitted", lambda *args: rounds.append(args) or fitted(*args))
     judged = Judged(np.array([worst]), np.zeros(1), worst)
-    search = ShapeSearch(scene, ResponseLimits(0.02, np.inf), lambda _: judged, thorough=thorough)
+    search = kind(scene, ResponseLimits(0.02, np.inf), lambda _: judged)
     search.settled({"b": np.eye(10)[:, :3]}, 8)
     assert len(rounds) == fits
 
 
-@pytest.mark.parametrize(("thorough", "tried"), [(True, [16, 18, 16, 17]), (False, [16, 18, 17])])
-def test_a_search_in_haste_tries_a_number_that_failed_no_second_time(monkeypatch, thorough, tried):
+@pytest.mark.parametrize(("kind", "tried"), [(ShapeSearch, [16, 18, 16, 17]), (RangeSearch, [16, 18, 17])])
+def test_a_search_of_a_range_tries_a_number_that_failed_no_second_time(monkeypatch, kind, tried):
     """Twenty shapes pass, and eighteen do."""
     counts = []
 
@@ -198,12 +201,12 @@ def test_a_search_in_haste_tries_a_number_that_failed_no_second_time(monkeypatch
     def settled(count):
         return Settled({"b": np.eye(30)[:, :count]}, Judged(np.zeros(1), np.zeros(1), 0.5), 0)
 
-    monkeypatch.setattr(ShapeSearch, "_shrunk", shrunk)
-    search = ShapeSearch(one_body(18)[0], ResponseLimits(0.02, np.inf), lambda _: None, thorough=thorough)
+    monkeypatch.setattr(kind, "_shrunk", shrunk)
+    search = kind(one_body(18)[0], ResponseLimits(0.02, np.inf), lambda _: None)
     assert search._fewer(settled(20)).count == 18 and counts == tried
 
 
-def test_a_search_in_haste_starts_afresh_where_a_number_failed(monkeypatch):
+def test_a_search_of_a_range_starts_afresh_where_a_number_failed(monkeypatch):
     """From a set that failed, directions beyond it lead to the wrong valley: it grew to all modes."""
     monkeypatch.setattr(shape_search, "_STEPS", 2)
     monkeypatch.setattr(shape_starts, "_FIRST", 0.3)
@@ -221,7 +224,7 @@ def test_a_search_in_haste_starts_afresh_where_a_number_failed(monkeypatch):
 
     monkeypatch.setattr(ShapeSearch, "settled", noted)
     monkeypatch.setattr(ShapeSearch, "grown", lambda *_: pytest.fail("it grew"))
-    search = ShapeSearch(scene, ResponseLimits(0.02, np.inf), judge, thorough=False)
+    search = RangeSearch(scene, ResponseLimits(0.02, np.inf), judge)
     assert search.smallest().count == 8
     first = next(V for V in started if V.shape[1] == 8)
     np.testing.assert_array_equal(first, search.directions.leading({"b": 8})["b"])
@@ -243,8 +246,8 @@ def test_a_set_that_fails_in_further_configurations_gives_way_to_leading_directi
         worst = 0.5 if count >= least else 3.0
         return Judged(np.array([worst]), np.zeros(1), worst)
 
-    monkeypatch.setattr(ShapeSearch, "_shrunk", lambda _, best, step: counts["left out"].append(best.count - step))
-    search = ShapeSearch(scene, ResponseLimits(0.02, np.inf), judge, thorough=False)
+    monkeypatch.setattr(RangeSearch, "_shrunk", lambda _, best, step: counts["left out"].append(best.count - step))
+    search = RangeSearch(scene, ResponseLimits(0.02, np.inf), judge)
     found = search.reached(search.settled(search.directions.leading({"b": 3}), 0))
     assert counts == {"led": [3, *led], "left out": left_out}
     assert (found.count, found.passes) == (max(3, min(least, 10)), least <= 10)

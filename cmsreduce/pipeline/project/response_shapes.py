@@ -19,6 +19,7 @@ from cmsreduce.pipeline.project.response_samples import SampledScene
 from cmsreduce.pipeline.system import Comparison, ReducedModel
 from cmsreduce.project import (
     Judged,
+    RangeSearch,
     ResponseLimits,
     SceneResponses,
     Settled,
@@ -124,14 +125,8 @@ class ResponseShapes:
         if covers:
             self._seen = max(_FIRST - len(self.chosen), _FIRST_BETWEEN)
             self.chosen += [*self._beside_silence(), *self._span.points(self._seen)]
-        self._search = ShapeSearch(
-            self.sampled.responses(self.chosen),
-            self.limits,
-            self._judged,
-            self._in_decibels,
-            # Other configurations need room: what takes longest gains least there.
-            thorough=not covers,
-        )
+        search = RangeSearch if covers else ShapeSearch
+        self._search = search(self.sampled.responses(self.chosen), self.limits, self._judged, self._in_decibels)
 
     def _beside_silence(self) -> list[Configuration]:
         """Neighbours of the first configurations in which more channels are heard."""
