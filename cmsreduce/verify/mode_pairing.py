@@ -231,9 +231,9 @@ def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float, 
     cross : (f, k) float64
         phi_full^T M phi_reduced, both orthonormal in M.
     band_hz : float
-        Pairs of which both modes lie above this frequency are left out.
+        Upper end of the band.
     low_hz : float
-        Modes below this frequency, the lower end of the band, are neither lost nor extra.
+        Its lower end. Pairs of which neither mode is in the band are left out, and its modes alone are lost or extra.
 
     Returns
     -------
@@ -248,9 +248,9 @@ def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float, 
     for each in np.unique(group):
         mac[group == each] = part[group == each].sum(axis=0)
     i, j = _partners(np.clip(mac, 0.0, 1.0), w, w_r)
-    inside = (w[i] <= top) | (w_r[j] <= top)
-    lost = np.setdiff1d(np.flatnonzero((w >= low) & (w <= top)), i)
-    extra = np.setdiff1d(np.flatnonzero((w_r >= low) & (w_r <= top)), j)
+    here, here_r = ((each >= low) & (each <= top) for each in (w, w_r))
+    lost, extra = np.setdiff1d(np.flatnonzero(here), i), np.setdiff1d(np.flatnonzero(here_r), j)
+    inside = here[i] | here_r[j]
     i, j = i[inside], j[inside]
     as_given = np.argsort(order_r[j])
     i, j = i[as_given], j[as_given]
@@ -260,7 +260,11 @@ def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float, 
 
 
 def pair_complex_modes(
-    full: NDArray[np.complex128], reduced: NDArray[np.complex128], cross: NDArray[np.complex128], band_hz: float
+    full: NDArray[np.complex128],
+    reduced: NDArray[np.complex128],
+    cross: NDArray[np.complex128],
+    band_hz: float,
+    low_hz: float = 0.0,
 ) -> DampedPairs:
     """Pair each oscillating mode of the reduced system in the band with a reference mode of like shape.
 
@@ -270,19 +274,19 @@ def pair_complex_modes(
         Roots s in rad/s, Im s > 0.
     cross : (f, k) complex128
         x_full^H M x_reduced, both of unit length in M.
-    band_hz : float
-        Reduced modes with |s| above this frequency are left out.
+    band_hz, low_hz : float
+        Ends of the band. Reduced modes with |s| outside of it are left out.
     """
-    inside = abs(reduced) <= 2 * np.pi * band_hz
+    inside, here = ((abs(s) >= 2 * np.pi * low_hz) & (abs(s) <= 2 * np.pi * band_hz) for s in (reduced, full))
     if not full.size or not inside.any():
         none = np.empty(0)
-        alone = int(inside.sum() + np.sum(abs(full) <= 2 * np.pi * band_hz))
+        alone = int(inside.sum() + here.sum())
         return DampedPairs(none.astype(np.complex128), none.astype(np.complex128), none, none, alone)
     there, mac = reduced[inside], abs(cross[:, inside]) ** 2
     alike = mac >= _AS_ALIKE * mac.max(axis=0)
     best = np.where(alike, abs(full[:, None] - there), np.inf).argmin(axis=0)
-    here = full[best]
-    zeta, zeta_r = -here.real / abs(here), -there.real / abs(there)
+    partner = full[best]
+    zeta, zeta_r = -partner.real / abs(partner), -there.real / abs(there)
     damped = zeta > _UNDAMPED
     error = np.where(damped, abs(zeta_r - zeta) / np.where(damped, zeta, 1.0), np.nan)
-    return DampedPairs(here, there, mac[best, np.arange(best.size)], error)
+    return DampedPairs(partner, there, mac[best, np.arange(best.size)], error)

@@ -161,6 +161,18 @@ def test_pairs_above_the_band_are_left_out():
     assert not pairs.lost.size and not pairs.extra.size
 
 
+def test_pairs_below_the_band_are_left_out():
+    """A soft mode that the reduced model has 30 % too high is no error of a band far above it."""
+    reduced = NATURAL * np.array([1.3, 1.01, 1.0, 1.0])
+    pairs = pair_frequencies(NATURAL, reduced, np.eye(4), 3.0, 2.005)
+    # The second one comes into the band from below.
+    np.testing.assert_allclose(pairs.full_hz, [2.0, 2.01])
+    assert pairs.worst == pytest.approx(0.01) and not pairs.lost.size and not pairs.extra.size
+    # Nor does it stand for the modes of the band where these have no partner.
+    alone = pair_frequencies(NATURAL, reduced[:1], np.eye(4)[:, :1], 3.0, 1.5)
+    assert np.isnan(alone.worst) and alone.lost.tolist() == [1, 2]
+
+
 def test_two_reduced_modes_never_share_a_partner():
     """By the largest MAC alone both would take the first mode, and the second one would not be missed."""
     cross = np.array([[0.95, 0.75], [0.1, 0.6]])
@@ -240,6 +252,14 @@ def test_roots_above_the_band_are_left_out():
     # The natural frequency counts, not that of the decaying oscillation.
     pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, ZETA), np.eye(4) + 0j, 2.005)
     np.testing.assert_allclose(pairs.full_hz, [1.0, 2.0])
+
+
+def test_roots_below_the_band_are_left_out():
+    other = ZETA * np.array([3.0, 1.1, 1.0, 1.0])
+    pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, other), np.eye(4) + 0j, 2.005, 1.5)
+    np.testing.assert_allclose(pairs.full_hz, [2.0])
+    assert pairs.worst == pytest.approx(0.1)
+    assert pair_complex_modes(roots(HZ, ZETA), roots(HZ, other)[:1], np.eye(4)[:, :1] + 0j, 3.0, 1.5).alone == 2
 
 
 def test_of_shapes_as_alike_the_nearest_root_is_the_partner():

@@ -137,7 +137,8 @@ def _damped_pairs(reference: ReferenceModel, configuration: Configuration, model
     if full is None or reduced is None:
         return None
     cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(reference, configuration))
-    return pair_complex_modes(full.s, reduced.s, cross, reference.scene.band[1])
+    low, high = reference.scene.band
+    return pair_complex_modes(full.s, reduced.s, cross, high, low)
 
 
 def _frf_error(target: Target, elastic: Complex, alone: Real) -> float:
