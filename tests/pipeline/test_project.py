@@ -233,10 +233,18 @@ def test_auto_needs_a_response(summary):
         ([{("a", 5): 0.0}, {("a", 5): 1.0}, {("a", 5): 3.0}], ["midpoint a.rz=28.65", "midpoint a.rz=114.6"]),
         ([{("a", 0): 0.0}, {("a", 0): 1.0}], ["midpoint a.x=0.5"]),
         ([{("a", 5): 0.0, ("b", 0): y} for y in (0.0, 1.0)], ["midpoint a.rz=0 b.x=0.5"]),
+        (
+            [{("a", 0): x, ("b", 0): y} for x, y in ((0.0, 0.0), (2.0, 0.0), (4.0, 2.0))],
+            ["midpoint a.x=1 b.x=0", "midpoint a.x=3 b.x=1"],
+        ),
+        (
+            [{("a", 0): x, ("b", 0): y} for x, y in ((0.0, 0.0), (2.0, 2.0), (4.0, 0.0))],
+            ["midpoint a.x=1 b.x=1", "midpoint a.x=3 b.x=1", "midpoint a.x=2 b.x=0"],
+        ),
         ([{("a", 5): 0.0}], []),
         ([{}], []),
     ],
-    ids=["three", "a slide", "one of two", "one", "none"],
+    ids=["three", "a slide", "one of two", "a path that ends alone", "a path with a corner", "one", "none"],
 )
 def test_midpoint_configurations(angles, expected):
     settings = tuple(Configuration(str(k), each) for k, each in enumerate(angles))

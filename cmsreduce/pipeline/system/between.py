@@ -75,8 +75,8 @@ def _even(count: int, most: int) -> list[int]:
 def midpoint_configurations(scene: Scene) -> list[Configuration]:
     """Configurations midway between neighbouring ones of the scene that differ in one angle or parameter only.
 
-    A configuration that differs from all others in several of them has none of these: it is joined to the next one in
-    the list of the scene, as on a path.
+    A configuration that differs from all others in several of them has none of these: it is joined to the ones before
+    and after it in the list of the scene, as on a path.
 
     Parameters
     ----------
@@ -90,7 +90,8 @@ def midpoint_configurations(scene: Scene) -> list[Configuration]:
     def add(middle: tuple[float, ...]) -> None:
         found.setdefault(middle, _at("midpoint", axes, middle))
 
-    for number, here in enumerate(sampled):
+    before, before_alone = None, False
+    for here in sampled:
         alone = True
         for k, _ in enumerate(axes):
             others = [there[k] for there in sampled if there[:k] + there[k + 1 :] == here[:k] + here[k + 1 :]]
@@ -98,8 +99,9 @@ def midpoint_configurations(scene: Scene) -> list[Configuration]:
             alone &= all(angle == here[k] for angle in others)
             if beyond:
                 add((*here[:k], (here[k] + min(beyond)) / 2, *here[k + 1 :]))
-        if alone and number + 1 < len(sampled) and sampled[number + 1] != here:
-            add(tuple((a + b) / 2 for a, b in zip(here, sampled[number + 1], strict=True)))
+        if before is not None and (alone or before_alone) and before != here:
+            add(tuple((a + b) / 2 for a, b in zip(before, here, strict=True)))
+        before, before_alone = here, alone
     return list(found.values())
 
 
