@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import by_columns
+from cmsreduce.linalg.response.damped_solve import through_real_factor
 from cmsreduce.linalg.sparse import BLOCK, NotPositiveDefiniteError, factorise
 from cmsreduce.model import is_gyroscopic
 
@@ -85,8 +86,9 @@ class DynamicStiffness:
 
         Notes
         -----
-        With Z = A + i C and x = y + i z, the real equations [A -C; -C -A] [y; z] = [load; 0] are symmetric, so that
-        `factorise` takes its order, its memory limit and its solvers. A local C adds little to two factors of A.
+        With Z = A + i C a real factor serves where the damping is small. Else, with x = y + i z, the real equations
+        [A -C; -C -A] [y; z] = [load; 0] are symmetric, so that `factorise` takes its order, its memory limit and its
+        solvers. A local C adds little to two factors of A.
         """
         A, C = self._parts(omega)
         if C is not None and is_gyroscopic(self.D):
@@ -94,6 +96,8 @@ class DynamicStiffness:
                 return np.asarray(spla.splu(self.at(omega), **_GYROSCOPIC).solve(load.astype(np.complex128, order="F")))
             except RuntimeError:
                 raise ResonanceError(omega) from None
+        if C is not None and (moved := through_real_factor(A, C, load)) is not None:
+            return moved
         real = A if C is None else sp.csc_array(sp.block_array([[A, -C], [-C, -A]]))
         try:
             solve = factorise(real, definite=False, what="the dynamic stiffness")

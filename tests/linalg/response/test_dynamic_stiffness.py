@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from scipy.sparse.linalg import eigsh
 
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
-from cmsreduce.linalg.response import DynamicStiffness, ResonanceError
+from cmsreduce.linalg.response import DynamicStiffness, ResonanceError, damped_solve
+from cmsreduce.linalg.response.damped_solve import through_real_factor
 from cmsreduce.linalg.sparse import InsufficientMemoryError, factorise, installed_backends
 from tests.solids import block
 
@@ -53,21 +55,40 @@ def test_motions_are_those_of_dense_algebra(law: str, backend: str) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * abs(expected).max())
 
 
+@pytest.mark.parametrize("law", [law for law in LAWS if law not in ("none", "spinning")])
+def test_damped_motions_converge_through_a_real_factor(law: str) -> None:
+    """At a resonance, where A is singular, and at half-power points: real equations of twice the rows miss a damper."""
+    D, loss = LAWS[law]
+    (square,) = eigsh(K, 1, M, sigma=OMEGA**2, return_eigenvectors=False)
+    for omega in np.sqrt(square) * np.array([0.995, 1.0, 1.005]):
+        Z = DynamicStiffness(K, M, D, loss)
+        found, A = through_real_factor(*Z._parts(omega), LOAD), Z.at(omega).toarray()
+        assert found is not None
+        expected = np.linalg.solve(A, LOAD)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * abs(expected).max())
+
+
 @pytest.mark.skipif("multifrontal" not in installed_backends(), reason="needs numba and pymetis")
-def test_a_damped_factor_has_the_order_of_the_symmetric_solver_and_its_memory_is_asked_for() -> None:
-    """Real equations of twice the rows take four times the entries in this order, or twice as many if C is local."""
+def test_a_damped_factor_has_the_order_of_the_symmetric_solver_and_its_memory_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A real factor is no larger than that of the stiffness; one of twice the rows takes four times the entries."""
     body = block("solid", [0.6, 0.5, 0.4], [16, 14, 12], held=range(1, 16))
     stiffness = sp.csc_array(body.K)
     load = np.eye(body.n)[:, :2]
+    local = sp.csc_array(([1e3], ([7], [7])), shape=body.K.shape)
     with solver_settings(SolverSettings("multifrontal")) as settings:
-        for D in (sp.csc_array(1e-5 * body.K), sp.csc_array(([1e3], ([7], [7])), shape=body.K.shape)):
-            factorise(stiffness)
-            DynamicStiffness(stiffness, sp.csc_array(body.M), D).solve(load, 2 * np.pi * 500.0)
-    alone, whole, _, local = settings.work
-    assert (whole.rows, local.rows) == (2 * body.n, 2 * body.n)
+        factorise(stiffness)
+        for steps in (damped_solve._STEPS, 0):
+            monkeypatch.setattr(damped_solve, "_STEPS", steps)
+            for D in (sp.csc_array(1e-5 * body.K), local):
+                DynamicStiffness(stiffness, sp.csc_array(body.M), D).solve(load, 2 * np.pi * 500.0)
+    alone, *real, _, whole, _, beside = settings.work
+    assert [(each.rows, each.entries) for each in real] == [(body.n, alone.entries)] * 2
+    assert (whole.rows, beside.rows) == (2 * body.n, 2 * body.n)
     assert whole.entries < 4.5 * alone.entries
     # One damper joins both halves in one row only.
-    assert local.entries < 2.3 * alone.entries
+    assert beside.entries < 2.3 * alone.entries
     Z = DynamicStiffness(stiffness, sp.csc_array(body.M), sp.csc_array(1e-5 * body.K))
     with solver_settings(SolverSettings("multifrontal", memory=1e6)), pytest.raises(InsufficientMemoryError):
         Z.solve(load, 2 * np.pi * 500.0)
