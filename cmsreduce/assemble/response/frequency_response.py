@@ -31,7 +31,7 @@ _BLOCK_BYTES = 2**24
 _OF_SEVERAL = 4
 
 
-def body_receptances(stack: PointStack, omega: Array) -> dict[str, Receptance]:
+def body_receptances(stack: PointStack, omega: Array, wired: NDArray[np.bool_] | None = None) -> dict[str, Receptance]:
     """Prepare the receptances of all bodies over their motions (`PointStack.moving`).
 
     Parameters
@@ -40,16 +40,22 @@ def body_receptances(stack: PointStack, omega: Array) -> dict[str, Receptance]:
         Points of all bodies.
     omega : (f,) float64
         Circular frequencies in rad/s; the receptances are valid up to the highest.
+    wired : (size,) bool, optional
+        Motions of all points that joints, inputs or outputs use. The others have receptances of zero, without solves.
 
     Raises
     ------
     MatrixError
         At the resonance of a body without damping.
     """
-    return {
-        name: receptance(sub, omega, stack.motions(name)[stack.moving(name)])
-        for name, sub in stack.substructures.items()
-    }
+    found = {}
+    for name, sub in stack.substructures.items():
+        moving = stack.moving(name)
+        rows = dense(stack.motions(name)[moving])
+        if wired is not None:
+            rows = rows * wired[stack.body_columns(name).start + moving, None]
+        found[name] = receptance(sub, omega, rows)
+    return found
 
 
 def couple(
@@ -209,6 +215,6 @@ def frequency_response(
     """
     stack = PointStack(with_joint_bodies(substructures, scene))
     held = held_bodies(stack, scene)
-    return couple(
-        body_receptances(held.stack, omega), held.stack, [held.wiring(wire(stack, scene, configuration))], [omega]
-    )[0]
+    wiring = held.wiring(wire(stack, scene, configuration))
+    wired = np.asarray(np.vstack([wiring.A, wiring.B, wiring.C1, wiring.C2]).any(axis=0))
+    return couple(body_receptances(held.stack, omega, wired), held.stack, [wiring], [omega])[0]

@@ -20,6 +20,7 @@ from cmsreduce.assemble import (
     wire,
 )
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.response import DynamicStiffness
 from cmsreduce.model import SCALAR, Configuration, Damping, DofTable, FEModel, Placement, Point, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
@@ -165,6 +166,25 @@ def test_a_body_beyond_dense_algebra_is_solved_sparse():
     for k, Y in enumerate(receptances(sub, w, motions)):
         expected = L @ np.linalg.solve(K * (1 + 0.02j) - w[k] ** 2 * M, L.T)
         np.testing.assert_allclose(Y, expected, rtol=0, atol=1e-9 * abs(expected).max())
+
+
+def test_only_motions_that_a_scene_uses_are_solved(monkeypatch):
+    """Of twelve motions of two points: one input, one output at each."""
+    bar = line(
+        "bar", [0, 0, 0], [0, 0, 5], 40, held=(1,), interfaces={"a": 21, "b": 41}, damping=Damping(rayleigh=(0.5, 1e-5))
+    )
+    subs = {"bar": physical(bar)}
+    channels = {"actuators": (at("bar.b", "x"),), "sensors": (at("bar.b", "x"), at("bar.a", "x", rate=True))}
+    scene = Scene(("bar",), (0.0, 600.0), configurations=(Configuration("as built"),), **channels)
+    loads, flexibility = [], DynamicStiffness.flexibility
+    monkeypatch.setattr(
+        DynamicStiffness, "flexibility", lambda Z, load, w: loads.append(load.shape[1]) or flexibility(Z, load, w)
+    )
+    w = np.array([35.0, 400.0])
+    found = frequency_response(subs, scene, scene.configurations[0], w)
+    assert loads == [2, 2]
+    expected = direct(assemble(subs, scene, scene.configurations[0]), w)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * abs(expected).max())
 
 
 def test_receptances_hold_for_every_setting():
