@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from pymor.core.defaults import set_defaults
 from pymor.core.logger import set_log_levels
 from pymor.models.iosys import SecondOrderModel
@@ -40,6 +41,8 @@ ITERATIONS, INNER = 3, 20
 SHIFT, BLOCKS = 0.05, 4
 # Steps of ADI, and those for a proof.
 STEPS = 20, 60
+# Modes that the most dominant are chosen from.
+MODES = 60
 # Damping ratio of shifts along the band.
 RATIO = 0.01
 
@@ -137,7 +140,8 @@ class System:
         pattern = abs(K) + abs(M)
         pattern.data[:] = 0
         self.K, self.M = (K + pattern) / (mass * top**2), (M + pattern) / mass
-        self.D = alpha / top * self.M + beta * top * self.K
+        self.rayleigh = np.array([alpha / top, beta * top])
+        self.D = self.rayleigh[0] * self.M + self.rayleigh[1] * self.K
         self.B, self.C, self.omega = data["B"] / (mass * top**2), data["C"], data["omega"] / top
 
     def at(self, s: complex) -> sp.csr_matrix:
@@ -172,6 +176,18 @@ class System:
         kept = energy > 1e-13 * energy[-1]
         return (X @ (Q[:, kept] / np.sqrt(energy[kept])))[:, ::-1]
 
+    def by_dominance(self) -> np.ndarray:
+        """Modes by the residue of their poles over the real part, largest first (n, k).
+
+        With D = alpha M + beta K each pair of poles belongs to one undamped mode.
+        """
+        factor = Factor(self.K)
+        lowest = spla.LinearOperator(self.K.shape, matvec=lambda b: factor.solve(b.reshape(-1, 1)), dtype=float)
+        square, modes = spla.eigsh(self.K, MODES, self.M, sigma=0, OPinv=lowest)
+        poles = np.array([np.roots([1, self.rayleigh @ np.array([1, each]), each])[0] for each in square])
+        residues = la.norm(self.C @ modes, axis=0) * la.norm(self.B.T @ modes, axis=0) / abs(2 * poles.imag)
+        return modes[:, np.argsort(-residues / abs(poles.real))]
+
 
 def responses(model: object, omega: np.ndarray) -> Response:
     """Transfer function of a model of pyMOR (f, outputs, inputs)."""
@@ -182,6 +198,9 @@ def prepared(method: str, system: System) -> Callable[[int], list[Response]]:
     """Do what all orders share; return the responses at an order, of which the best counts."""
     if method == "krylov":
         V = system.by_energy(system.krylov())
+        return lambda r: [system.within(V[:, :r])]
+    if method == "modes":
+        V = system.by_dominance()
         return lambda r: [system.within(V[:, :r])]
     set_defaults({"pymor.operators.numpy.NumpyMatrixOperator.default_sparse_solver": PardisoSolver})
     method, _, kind = method.partition(" ")
