@@ -29,6 +29,9 @@ _HEADER = b"MATLAB 5.0 MAT-file, written by cmsreduce".ljust(116)
 _LARGEST = 2**31
 # A change of coordinates leaves this share of the largest entry where there is none.
 _ROUNDING = 1e-12
+# A static mode follows its load at once if its damper has less than this share of its spring's force at the highest
+# frequency. Round-off of shapes that no damper moves is squared here.
+_NO_LAG = 1e-9
 
 Array = NDArray[np.float64]
 
@@ -113,7 +116,8 @@ def component_states(component: ComponentFile) -> StateSpace:
     Raises
     ------
     WriteError
-        If its damping has no real state space, or a sensor measures the rate of a static mode that an input moves.
+        If its damping has no real state space or acts on a static mode, or a sensor measures the rate of a static mode
+        that an input moves.
     """
     arrays, name = component.arrays, component.name
     if "modes/loss" in arrays:
@@ -136,6 +140,7 @@ def component_states(component: ComponentFile) -> StateSpace:
             "not a state; measure the displacement, or take `matlab` and `abcd` out of write.formats"
         )
     damping, turning = back.T @ arrays["modes/damping"] @ back, component.gyroscopic
+    _refuse_lag(component, np.diagonal(damping)[m:])
     if turning is not None:
         turning = back.T @ turning @ back
         damping = damping + turning
@@ -163,6 +168,17 @@ def component_states(component: ComponentFile) -> StateSpace:
             "states": "amplitudes of the modes, then their rates",
         },
     )
+
+
+def _refuse_lag(component: ComponentFile, damping: Array) -> None:
+    """Refuse damped static modes, of unit stiffness: damping of a positive matrix couples only those to the others."""
+    highest = component.omega[component.elastic].max(initial=0.0) or np.inf
+    if (damping[damping > 0] * highest > _NO_LAG).any():
+        raise WriteError(
+            f"component '{component.name}': a static mode is damped, so that it lags behind its load as no amplitude "
+            "and rate of the other modes do; give the body a modal damping ratio, which does not act on such modes, "
+            "leave `residuals` out of `reduce`, or give its nodes some inertia"
+        )
 
 
 def write_states(path: Path, component: ComponentFile) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.io import loadmat
 
 from cmsreduce.errors import WriteError
@@ -104,6 +105,31 @@ def test_shapes_without_mass_are_feedthrough(tmp_path: Path) -> None:
     assert found.A.shape == (4, 4)
     with pytest.raises(WriteError, match="derivative of an input"):
         from_file(tmp_path, component, {"push": force}, {"tip": (none, force)})
+
+
+@pytest.mark.parametrize("law", ["stiffness", "dashpot", "elsewhere"])
+def test_a_damped_shape_without_mass_is_no_feedthrough(tmp_path: Path, law: str) -> None:
+    """The last point lags behind its load where beta K or a dashpot damps it; a dashpot elsewhere is in the states."""
+    body = springs("tip", [(1, 2, 100.0), (2, 3, 40.0)], [1.0, 2.0, 0.0])
+    D = 0.01 * body.K.toarray()
+    if law == "stiffness":
+        body = replace(body, damping=Damping(rayleigh=(0.0, 0.01)))
+    else:
+        D = np.zeros((3, 3))
+        ends = [1, 2] if law == "dashpot" else [0, 1]
+        D[np.ix_(ends, ends)] = [[5.0, -5.0], [-5.0, 5.0]]
+        body = replace(body, D=sp.csc_array(D))
+    component = orthogonalise(CraigBampton(10.0).reduce(body, [1, 2]))
+    force, none = component.Phi[2], np.zeros(component.omega.size)
+    channels = {"push": force}, {"tip": (force, none)}
+    if law != "elsewhere":
+        with pytest.raises(WriteError, match="lags behind its load"):
+            from_file(tmp_path, component, *channels)
+        return
+    found = from_file(tmp_path, component, *channels)
+    w = 10.0
+    expected = np.linalg.inv(body.K.toarray() + 1j * w * D - w**2 * body.M.toarray())[2, 2]
+    assert control.ss(found.A, found.B, found.C, found.D)(1j * w) == pytest.approx(expected, rel=1e-9)
 
 
 def test_structural_damping_is_refused(tmp_path: Path) -> None:
