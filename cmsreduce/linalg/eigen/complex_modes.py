@@ -36,6 +36,9 @@ _LEAST_DECAY = 1e-6
 _WORTHWHILE = 0.1
 # Rounds in which the basis grows: discrete dampers take 8, dampers that lock half of a body 12.
 _ROUNDS = 20
+# Roots are followed up to this share of the highest frequency: the first bases hold them too high. One beyond that
+# frequency counts if this many times the change that its residual would cause brings it there.
+_ABOVE, _MAY_MOVE = 1.25, 10.0
 # Growth rate s of the load whose responses extend the basis, as a share of the highest frequency. A smaller rate suits
 # light damping, a larger one damping forces that exceed the stiffness forces.
 _GROWTH = 0.3
@@ -108,11 +111,12 @@ def complex_modes(
 
     Notes
     -----
-    The basis of a large system grows by t = Z(a)^-1 r, a > 0, for the residual r = Z(s) x of each oscillating root. It
-    is complete when r^H t / x^H (2 |s| M + D) x, the change of s that r would cause, is a small share of the decay
-    rate. The matrices are symmetric, so that left and right shapes are equal and the error of s is of second order in
-    the error of x. The first basis contains a part of every mode: with viscous damping |s|^2 = x^H K x / x^H M x, so
-    that an oscillating shape consists mainly of undamped modes up to a little above |s|.
+    The basis of a large system starts with undamped modes and the responses t = Z(a)^-1 D x, a > 0, to their damping
+    forces. It grows by t = Z(a)^-1 r for the residual r = Z(s) x of each oscillating root. It is complete when
+    r^H t / x^H (2 |s| M + D) x, the change of s that r would cause, is a small share of the decay rate. The matrices
+    are symmetric, so that left and right shapes are equal and the error of s is of second order in the error of x. The
+    first basis contains a part of every mode: with viscous damping |s|^2 = x^H K x / x^H M x, so
+    that an oscillating shape consists mainly of rigid motions and undamped modes up to a little above |s|.
 
     Gyroscopic forces change this: they may bring a mode from far above the band into it, and left shapes are others
     than right ones. The first basis then also contains the responses to all loads of these forces, and grows by the
@@ -165,11 +169,11 @@ def _settled(pencil: DampedPencil, start: PencilBasis, rigid: Real, omega: float
 
     start_KV = np.asarray(pencil.M @ start.V) / start.root_mass**2
     basis, KV, grown = start, start_KV, start.V[:, :0]
-    more = grown
+    more = grown if pencil.D is None else solve(_damping_loads(pencil, start, omega))
     if pencil.gyroscopic:
-        more = elastic(solve(_gyroscopic_loads(pencil, momentum, rigid)))
-        energy = float(np.einsum("ij,ij->j", more, pencil.K @ more).max(initial=0.0)) or 1.0
-        more *= np.sqrt(_WORTHWHILE / (_DAMPED * energy))
+        extra = elastic(solve(_gyroscopic_loads(pencil, momentum, rigid)))
+        energy = float(np.einsum("ij,ij->j", extra, pencil.K @ extra).max(initial=0.0)) or 1.0
+        more = np.hstack([more, extra * np.sqrt(_WORTHWHILE / (_DAMPED * energy))])
     for _ in range(_ROUNDS):
         if more.shape[1]:
             for _ in range(2):
@@ -178,8 +182,9 @@ def _settled(pencil: DampedPencil, start: PencilBasis, rigid: Real, omega: float
             grown, root_mass = _grown(pencil, grown, more)
             basis = start._replace(V=np.hstack([start.V, grown]), root_mass=np.append(start.root_mass, root_mass))
             KV = np.hstack([start_KV, np.asarray(pencil.K @ grown)])
-        found = pencil.roots(basis, omega)
-        allowed = _ACCURACY * np.maximum(-found.s.real, _LEAST_DECAY * abs(found.s)) * pencil.slope(found)
+        found = pencil.roots(basis, _ABOVE * omega)
+        size, slope = np.abs(found.s), pencil.slope(found)
+        allowed = _allowed(-found.s.real, size) * slope
         sides = [(pencil, found)]
         if pencil.gyroscopic:
             sides.append((pencil.transposed(), found.mirrored()))
@@ -192,9 +197,11 @@ def _settled(pencil: DampedPencil, start: PencilBasis, rigid: Real, omega: float
             left = np.maximum(left, abs(np.einsum("ij,ij->j", r.conj(), t)))
             responses.append(t)
         settled = left <= allowed
-        moving = ~settled & (found.s.imag > 0)
+        # A root above the band belongs to it if the residual may bring it there.
+        within = size <= omega
+        moving = ~settled & (found.s.imag > 0) & (size - _MAY_MOVE * left / slope <= omega)
         if not moving.any():
-            return found.chosen(settled)
+            return found.chosen(settled & within)
         more = np.hstack([t[:, moving] / np.sqrt(allowed[moving]) for t in responses])
         more = np.hstack([more.real, more.imag])
     worst = int(np.argmax(np.where(moving, left / allowed, 0.0)))
@@ -203,6 +210,25 @@ def _settled(pencil: DampedPencil, start: PencilBasis, rigid: Real, omega: float
         f"to {_ACCURACY * left[worst] / allowed[worst]:.1e} of its decay rate. Check the damping matrix for entries "
         "much larger than stiffness over frequency"
     )
+
+
+def _allowed(decay: Real, omega: Real) -> Real:
+    """Error of a root that is accepted, by its decay rate and its size."""
+    return np.asarray(_ACCURACY * np.maximum(decay, _LEAST_DECAY * omega))
+
+
+def _damping_loads(pencil: DampedPencil, start: PencilBasis, omega: float) -> Real:
+    """Loads (N, k) that damping exerts in the first basis, divided by the root of the error that is allowed.
+
+    A strong damper overdamps all of a first basis that moves it, so that no oscillating root is left there whose
+    residual shows the shapes that hold the damper still.
+    """
+    w = np.append(np.full(start.damped_rigid.shape[1], omega), 1 / start.root_mass)
+    motions = np.hstack([start.damped_rigid, start.V / start.root_mass])
+    force = dense(pencil.D @ motions)
+    # What holds a strong damper still has light damping: its error counts no less than at critical damping.
+    drag = np.clip(np.einsum("ij,ij->j", motions, force), 0.0, 2 * w)
+    return np.asarray(force * w / np.sqrt(_allowed(drag / 2, w) * (2 * w + drag)))
 
 
 def _gyroscopic_loads(pencil: DampedPencil, momentum: Real, rigid: Real) -> Real:

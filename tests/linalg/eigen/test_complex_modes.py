@@ -122,6 +122,26 @@ def test_a_bar_with_a_damper_at_its_end(c: float, n: int) -> None:
     np.testing.assert_allclose(modes.real, exact[exact.imag == 0].real, rtol=2 / n**2)
 
 
+@pytest.mark.parametrize("c", [2.0, 1e5])
+@pytest.mark.parametrize("free", [False, True], ids=["held", "free"])
+def test_a_damper_that_locks_the_only_undamped_mode_in_the_band(free: bool, c: float) -> None:
+    """The end of the bar is nearly held: s = -atanh(1/c) + i pi, and i pi/2 of a bar that is free at x = 0.
+
+    Below the bound are one undamped mode or, of the free bar, its rigid motion, and the damper overdamps it.
+    """
+    n = 300
+    K, M, D = bar(n, c)
+    top, rigid = (2.0, np.ones((n + 1, 1))) if free else (3.5, np.empty((n, 0)))
+    if free:
+        K, M, D = np.pad(K, (1, 0)), np.pad(M, (1, 0)), np.pad(D, (1, 0))
+        K[0, 0] = n
+        K[0, 1] = K[1, 0] = -n
+        M[0, 0], M[0, 1], M[1, 0] = 5 / (12 * n), 1 / (12 * n), 1 / (12 * n)
+    modes = by_search(K, M, D, None, rigid, top)
+    np.testing.assert_allclose(modes.s, [-np.arctanh(1 / c) + 1j * np.pi * (0.5 if free else 1.0)], rtol=2 / n**2)
+    np.testing.assert_allclose(modes.zeta, np.sin(np.arctan(np.arctanh(1 / c) / modes.s.imag)), rtol=1e-3)
+
+
 def test_a_damper_acts_on_rigid_motion() -> None:
     """A free mass on a damper has s = 0, for its position, and s = -c/m."""
     modes = found([[0]], [[2]], np.array([[3.0]]), rigid=np.array([[1 / 2**0.5]]))
