@@ -128,9 +128,10 @@ def _turns_as_loads_do(A: sp.csc_array, body: FEModel, limit: float) -> bool:
     np.add.at(at_nodes, of, rigid[moving, :3, None] * force[moving, None, :])
     even = abs(at_nodes + at_nodes.transpose(0, 2, 1)).max(initial=0.0)
     turning = np.flatnonzero(body.dofs.component > _TRANSLATIONS)
-    length = max(float(abs(rigid[:, 3:]).max(initial=0.0)), 1e-300)
-    moment = abs(force[turning]).max(initial=0.0) / length
-    return bool(max(even, moment) <= max(_LOADS, limit) * abs(at_nodes).max(initial=0.0))
+    # Moments are judged by their own parts: in another unit of length they are small beside the forces.
+    parts = (abs(A[turning]) @ abs(rigid[:, 3:])).max(initial=0.0)
+    small, moment = max(_LOADS, limit), abs(force[turning]).max(initial=0.0)
+    return bool(even <= small * abs(at_nodes).max(initial=0.0) and moment <= small * parts)
 
 
 def _refuse_another(A: sp.csc_array, body: FEModel, letter: Letter, named: str) -> None:

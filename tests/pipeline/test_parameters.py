@@ -316,8 +316,13 @@ def test_a_matrix_that_does_not_fit_is_refused(string: Path, kind: str, message:
         _ = open_run(string, [keys]).bodies
 
 
+def axes_sizes(turns: float) -> np.ndarray:
+    """Factors of a node's rows by which a matrix in another unit of length differs."""
+    return np.tile([1, 1, 1, turns, turns, turns], ELEMENTS + 1)
+
+
 def test_a_matrix_that_may_hold_something_else_has_a_note(string: Path) -> None:
-    """Sound: a string's tension, and a modulus that falls by a fifth. Doubtful: the whole matrix, and other axes."""
+    """Sound: a string's or beam's tension, a softer modulus. Doubtful: the whole matrix, other axes, other lengths."""
     body = line("string", [0, 0, 0], [1, 0, 0], ELEMENTS, interfaces={"left": 1, "right": ELEMENTS + 1})
     KG, K0, M0 = string_stiffness(body, 1.0), body.K.toarray(), body.M.toarray()
     axes = np.arange(body.n).reshape(-1, 6)
@@ -325,8 +330,20 @@ def test_a_matrix_that_may_hold_something_else_has_a_note(string: Path) -> None:
     rod = np.zeros_like(KG)
     for k in range(ELEMENTS):
         rod[np.ix_([6 * k, 6 * k + 6], [6 * k, 6 * k + 6])] += [[1, -1], [-1, 1]]
+    # Tension of a bar of length h: Przemieniecki, Theory of Matrix Structural Analysis, 15.2; in x-y and x-z.
+    h, bent = 1 / ELEMENTS, np.zeros_like(KG)
+    upper = [[36, 3 * h, -36, 3 * h], [0, 4 * h**2, -3 * h, -(h**2)], [0, 0, 36, -3 * h], [0, 0, 0, 4 * h**2]]
+    bar = (np.triu(upper) + np.triu(upper, 1).T) / (30 * h)
+    for k in range(ELEMENTS):
+        for own, turns in (([1, 5, 7, 11], 1), ([2, 4, 8, 10], -1)):
+            rows = 6 * k + np.array(own)
+            bent[np.ix_(rows, rows)] += bar * np.outer([1, turns, 1, turns], [1, turns, 1, turns])
+    in_mm, in_km = (bent * np.outer(size, size) for size in (axes_sizes(1e3), axes_sizes(1e-3)))
     for what, A, said in (
         ("stiffness", KG, ""),
+        ("stiffness", bent, ""),
+        ("stiffness", in_mm, "order of its axes is not proven"),
+        ("stiffness", in_km, "order of its axes is not proven"),
         ("stiffness", -0.2 * K0, ""),
         ("mass", 0.1 * M0, ""),
         ("stiffness", KG[np.ix_(exchanged, exchanged)], "order of its axes is not proven"),
