@@ -23,6 +23,7 @@ from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline import Run, Silent
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.drafts import draft_body
+from cmsreduce.pipeline.evidence import nodes_against_deck
 from cmsreduce.pipeline.evidence.deck_agreement import energy_ratios, statement_of
 from cmsreduce.read import (
     InterfaceSpec,
@@ -94,8 +95,35 @@ def test_the_deck_states_the_mass_of_solids_on_constraints(tmp_path, name):
     assert "0.5 times that of the deck" in mass_proof(found, tmp_path / "bar.inp", 0.5).remark
 
 
-@pytest.mark.parametrize("name", [name for name in BODIES if name[0] in "SBfbmp"])
-def test_a_deck_of_shells_or_beams_says_nothing(tmp_path, name):
+SHELLS = ("S3", "S4", "S6", "S8R")
+
+
+@pytest.mark.parametrize("name", SHELLS)
+def test_the_deck_states_shells_as_the_solids_that_they_became(tmp_path, name):
+    solve(tmp_path, "bar", body(name, held=False), matrices=True)
+    found = read(tmp_path)
+    mass, energy = statement_of(tmp_path / "bar.inp", found)
+    assert mass is not None and energy is not None and energy.exact and energy.at_nodes is not None
+    assert mass.mass == pytest.approx(7850 * 0.4 * 0.01, rel=1e-12)
+    np.testing.assert_allclose(energy_ratios(found, energy), 1, rtol=1e-5)
+    assert mass_proof(found, tmp_path / "bar.inp", 1.0).state != "refuted"
+    assert "1.02 times that of the deck" in mass_proof(found, tmp_path / "bar.inp", 1.02).remark
+    local = nodes_against_deck(found, energy.at_nodes)
+    assert local is not None and local.check.passed and local.compared == local.nodes
+    stiffer = replace(found, K=sp.csc_array(1.02 * found.K))
+    local = nodes_against_deck(stiffer, energy.at_nodes)
+    assert local is not None and not local.check.passed and "1.02 times" in local.check.note
+
+
+def test_shells_that_nothing_expanded_are_not_counted(tmp_path):
+    solve(tmp_path, "bar", body("S4", held=False), matrices=True)
+    found = read(tmp_path)
+    (tmp_path / "bar.12d").unlink()
+    assert statement_of(tmp_path / "bar.inp", found) == (None, None)
+
+
+@pytest.mark.parametrize("name", [name for name in BODIES if name[0] in "Bbmp"])
+def test_a_deck_of_beams_says_nothing(tmp_path, name):
     solve(tmp_path, "bar", body(name, held=False), matrices=True)
     assert statement_of(tmp_path / "bar.inp", read(tmp_path)) == (None, None)
 

@@ -1,4 +1,4 @@
-"""Mass and strain energy that a CalculiX or Abaqus input file states: of its solids and point masses."""
+"""Mass and strain energy that a CalculiX or Abaqus input file states: of solids, point masses, and expanded shells."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, longest_start
+from cmsreduce.read.calculix_abaqus.expansion import ExpandedElement, expansion_beside
 from cmsreduce.read.isoparametric import SOLIDS, Solid, are_affine, integrals, slope_integrals
 from cmsreduce.read.stated import (
     SAME_PLACE,
@@ -44,6 +45,8 @@ _OTHERS = (
 # Keywords that add stiffness; and steps whose stresses or yielding change that of the next step.
 _STIFFENING = ("SPRING", "CONTACT PAIR", "CONTACT", "GAP")
 _STRESSED = ("STATIC", "DYNAMIC", "VISCO", "COUPLED TEMPERATURE-DISPLACEMENT")
+# Solids that shells become.
+_SHELLS = {"S3": "C3D6", "S4": "C3D8", "S6": "C3D15", "S8": "C3D20"}
 # Types of a *MASS that is the same in all directions.
 _EQUAL = ("", "ISOTROPIC")
 # Gauss points each way: exact for straight elements, and for their volumes; of reduced integration; for curved ones.
@@ -100,9 +103,9 @@ def input_file_statement(
     Returns
     -------
     StatedMass and StatedEnergy, each or None
-        None where the file does not state it fully: decks with several parts, shells, beams, plane and user elements,
-        composites, densities that vary with temperature or are missing. The energy leaves out elements with curved
-        edges and materials that are not isotropic.
+        None where the file does not state it fully: decks with several parts, beams, plane and user elements, shells
+        that are not expanded, composites, densities that vary with temperature or are missing. The energy leaves out
+        elements with curved edges and materials that are not isotropic.
     """
     try:
         deck = list(blocks(path))
@@ -110,7 +113,7 @@ def input_file_statement(
         if set(_OTHERS) & set(keywords) or max(keywords.count("PART"), keywords.count("INSTANCE")) > 1:
             return None, None
         materials = _materials(deck)
-        solids, points = _elements(deck)
+        solids, points = _elements(deck, path)
         solids = [_at(each, nodes) for each in solids]
         mass = _mass(solids, points, materials, nodes, moving)
     except (ReadError, NotCountedError, ValueError):
@@ -274,8 +277,8 @@ def _is_massless(block: Block) -> bool:
     return block.keyword == "ELEMENT" and block.option("TYPE").startswith(_MASSLESS)
 
 
-def _elements(deck: Sequence[Block]) -> tuple[list[_Elements], list[tuple[int, float]]]:
-    """Solids by kind and material, and point masses as node and mass.
+def _elements(deck: Sequence[Block], path: Path) -> tuple[list[_Elements], list[tuple[int, float]]]:
+    """Solids by kind and material, also those that shells became, and point masses as node and mass.
 
     Raises
     ------
@@ -283,7 +286,10 @@ def _elements(deck: Sequence[Block]) -> tuple[list[_Elements], list[tuple[int, f
         If there are other elements, or elements without a section or with several.
     """
     counts = {name: len(solid.places) for name, solid in SOLIDS.items()} | {"MASS": 1}
+    counts |= {name: int(name[1:]) for name in _SHELLS}
     sets = deck_sets(deck, counts)
+    expansion = expansion_beside(path)
+    expanded = {} if expansion is None else {each.number: each for each in expansion.elements}
     groups: dict[tuple[str, bool, str], list[Ids]] = {}
     points: list[tuple[int, float]] = []
     for block in deck:
@@ -294,7 +300,10 @@ def _elements(deck: Sequence[Block]) -> tuple[list[_Elements], list[tuple[int, f
             raise NotCountedError
         number, nodes = _topology(block, counts[kind])
         owner, times = np.full(number.size, -1), np.zeros(number.size, dtype=np.int64)
-        sections = [each for each in deck if each.keyword == ("MASS" if kind == "MASS" else "SOLID SECTION")]
+        section_of = "MASS" if kind == "MASS" else "SHELL SECTION" if kind in _SHELLS else "SOLID SECTION"
+        sections = [each for each in deck if each.keyword == section_of]
+        if kind in _SHELLS:
+            nodes = np.array([_solid_of(expanded.get(int(each)), kind) for each in number], dtype=np.int64)
         for k, section in enumerate(sections):
             own = np.isin(number, sets.elements.get(section.option("ELSET"), ()))
             owner[own], times = k, times + own
@@ -303,15 +312,33 @@ def _elements(deck: Sequence[Block]) -> tuple[list[_Elements], list[tuple[int, f
             raise NotCountedError
         for k in np.unique(owner):
             own, section = nodes[owner == k], sections[k]
-            if "COMPOSITE" in section.options or (kind == "MASS" and section.option("TYPE") not in _EQUAL):
+            if {"COMPOSITE", "NODAL THICKNESS"} & set(section.options) or (
+                kind == "MASS" and section.option("TYPE") not in _EQUAL
+            ):
                 raise NotCountedError
             if kind == "MASS":
                 points += [(int(node), _constants(section, 1)[0]) for node in own[:, 0]]
             else:
-                key = kind, "R" in label[len(kind) :], section.option("MATERIAL")
+                key = _SHELLS.get(kind, kind), "R" in label[len(kind) :], section.option("MATERIAL")
                 groups.setdefault(key, []).append(own)
     solids = [_Elements(kind, reduced, np.concatenate(own), name) for (kind, reduced, name), own in groups.items()]
     return solids, points
+
+
+def _solid_of(shell: ExpandedElement | None, kind: str) -> list[int]:
+    """Nodes of the solid that a shell became: corners below and above, middles of edges, middles across.
+
+    Raises
+    ------
+    NotCountedError
+        If CalculiX did not expand it.
+    """
+    corners = {"S6": 3, "S8": 4}.get(kind, int(kind[1]))
+    if shell is None or len(shell.nodes) != int(kind[1]):
+        raise NotCountedError
+    at, edges = shell.became[:corners], shell.became[corners:]
+    nodes = [*(ids[0] for ids in at), *(ids[-1] for ids in at), *(ids[0] for ids in edges), *(ids[-1] for ids in edges)]
+    return nodes + [ids[1] for ids in at if len(ids) > 2]
 
 
 def _topology(block: Block, count: int) -> tuple[Ids, Ids]:
