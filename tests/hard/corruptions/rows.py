@@ -415,6 +415,8 @@ ROWS: tuple[Row, ...] = (
     Row("thickness of two panels exchanged in bending, deck", DECK, plated(bending=(8.0, 1 / 8))),
     Row("bending of one plate twice, deck", DECK, plated(alone=2.0)),
     Row("12 I / t^3 of all plates 1.5 in the deck alone", DECK, plated(ratio="1.5")),
+    Row("thickness of each plate 2 % more on its own card", DECK, plated(own=1.02)),
+    Row("bars on the other side of a rib of plates, deck", DECK, plated(side=-0.01)),
     Row("materials of two panels exchanged, deck", DECK, plated(stretch=(1.5, 1 / 1.5), bending=(1.5, 1 / 1.5))),
     Row(
         "two nodes exchanged in a lumped M, deck",
