@@ -1,5 +1,7 @@
 """Component files of earlier runs as bodies of a scene: they answer as they did where they were written."""
 
+import shutil
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -34,20 +36,33 @@ def response(run, configuration=1):
     return AssembledSystem(model, run.scene.configurations[configuration]).response(FREQUENCIES)
 
 
-@pytest.fixture
-def written(opened, study):
-    """A run whose files another pipeline takes as its bodies, and a way to open that pipeline."""
-    text = PIPELINE.replace("cutoff: 15", "cutoff: 8").replace("[hdf5]", "[hdf5, sid, mbdyn, matlab]")
-    run = opened(text=text)
+TEXT = PIPELINE.replace("cutoff: 15", "cutoff: 8").replace("[hdf5]", "[hdf5, sid, mbdyn, matlab]")
+
+
+@pytest.fixture(scope="module")
+def first(good_study, tmp_path_factory):
+    """A run whose files other pipelines take as their bodies."""
+    folder = tmp_path_factory.mktemp("first") / "study"
+    shutil.copytree(good_study, folder)
+    study = folder / "study.yaml"
+    study.write_text(TEXT.format(output=folder / "finished"))
+    pipeline = load_pipeline(study)
+    run = Run(pipeline, pipeline.output, Log())
     execute(run, study, report=False)
-    run.folder.rename(study.parent / "finished")
+    return run
+
+
+@pytest.fixture
+def written(first, study):
+    """The run, a copy of its files, and a way to open a pipeline that takes them."""
+    shutil.copytree(first.folder, study.parent / "finished")
 
     def open_files(text, *overrides):
         study.write_text(text.format(output=study.parent / "out"))
         pipeline = load_pipeline(study, overrides)
         return Run(pipeline, pipeline.output, Log())
 
-    return run, text, open_files
+    return first, TEXT, open_files
 
 
 @pytest.mark.parametrize("files", ["both", "one beside a finite-element body"])
