@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.pipeline import Run, execute
-from tests.pipeline.study import CANTILEVER
+from tests.pipeline.study import CANTILEVER, Log, write_study
 
 STATES = 8
 WRITTEN = f"write={{formats: [hdf5, matlab], balanced_states: {STATES}}}"
@@ -29,10 +30,12 @@ def model(part: Any) -> control.StateSpace:
     return control.ss(part.A, np.reshape(part.B, (n, m)), np.reshape(part.C, (p, n)), np.reshape(part.D, (p, m)))
 
 
-@pytest.fixture
-def written(opened: Callable[..., Run], study: Path) -> Run:
-    run = opened(WRITTEN, *FEW)
-    execute(run, study, report=False)
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    path = write_study(tmp_path_factory.mktemp("written"))
+    pipeline = load_pipeline(path, (WRITTEN, *FEW))
+    run = Run(pipeline, pipeline.output, Log())
+    execute(run, path, report=False)
     return run
 
 
