@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.joints import COINCIDENT, available, reach
-from cmsreduce.assemble.placement import interface_at, joint_axes, joint_gap, joint_tree, place_bodies
+from cmsreduce.assemble.placement import (
+    carried_axes,
+    interface_at,
+    joint_axes,
+    joint_gap,
+    joint_tree,
+    place_bodies,
+)
 from cmsreduce.errors import SceneError
 from cmsreduce.model import DOF_NAMES, SCALAR, Configuration, Joint, Placement, Scene, Substructure
 
@@ -142,12 +149,9 @@ def _misfit(
         return np.zeros(0), np.zeros(0)
     gap = joint_gap(substructures, placed, joint) @ axes.T
     gap[:, [dof for dof in joint.free if dof < _FIRST_ROTATION]] = 0.0
-    ends = (joint.first, joint.second)
-    built = [scene.placements.get(point.body, Placement()).rotation for point in ends]
-    now = [placed[point.body].rotation for point in ends]
     # Relative rotation since the bodies were built, along the joint's axes.
-    Q = axes @ now[1] @ built[1].T @ built[0] @ now[0].T @ axes.T
-    can = available(first, 0, axes @ now[0])
+    Q = axes @ carried_axes(substructures, scene, placed, joint).T
+    can = available(first, 0, axes @ placed[joint.first.body].rotation)
     free = [dof - 3 for dof in range(3, 6) if dof in joint.free or not can[dof]]
     if len(free) == 2:
         # Rotations about the earlier axis come first, so that these two axes remain normal to each other.

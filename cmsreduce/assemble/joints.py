@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.placement import interface_at, joint_arms, joint_axes, joint_gap
+from cmsreduce.assemble.placement import carried_axes, interface_at, joint_arms, joint_axes, joint_gap
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError, UnitsError
 from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 _ALIGNED = 1e-6
 COINCIDENT = 1e-5
 """Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer."""
+# Cosine between the two axes of a universal joint: a larger one comes from a setting of the rotation that it locks.
+_HELD_TURNED = 1e-3
 # Longest list of nodes in a message.
 _COPIED = 200
 _UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
@@ -165,7 +167,7 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
     for joint in scene.joints:
         axes = joint_axes(stack.substructures, placed, joint)
         gap = max(gap, _coincidence(stack.substructures, placed, joint, axes, as_built))
-        named += _joint_rows(stack, placed, joint, axes)
+        named += _joint_rows(stack, placed, joint, axes, carried_axes(stack.substructures, scene, placed, joint))
     for point in scene.ground:
         named += ground_rows(stack, point)
     A = np.array([row for row, _ in named]) if named else np.zeros((0, stack.size))
@@ -173,7 +175,7 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
 
 
 def _joint_rows(
-    stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: Array
+    stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: Array, carried: Array
 ) -> list[tuple[Array, str]]:
     first, second = (interface_at(stack.substructures, point) for point in (joint.first, joint.second))
     if first.node.size != second.node.size:
@@ -191,10 +193,12 @@ def _joint_rows(
     arms, size = joint_arms(stack.substructures, placed, joint), reach(stack.substructures)
     labels = [stack.substructures[p.body].point_labels(f) for p, f in ((joint.first, first), (joint.second, second))]
     locked = [dof for dof in range(6) if dof not in joint.free]
-    found = []
+    turning, found = _locked_turn(joint, axes, carried), []
     for k, (near, far) in enumerate(zip(*labels, strict=True)):
-        here = available(first, k, axes @ a.rotation)
-        there = available(second, k, axes @ b.rotation)
+        here, there = (
+            [*available(face, k, axes @ body.rotation)[:3], *available(face, k, turning @ body.rotation)[3:]]
+            for face, body in ((first, a), (second, b))
+        )
         differ = [DOF_NAMES[dof] for dof in locked if here[dof] != there[dof]]
         if differ:
             raise SceneError(
@@ -207,7 +211,7 @@ def _joint_rows(
                 continue
             if dof < 3:
                 _check_carried(first, k, np.cross(arms[k], axes[dof] @ a.rotation), joint, size)
-            row = _relative_row(stack, placed, joint, axes, dof, arms[k], near, far)
+            row = _relative_row(stack, placed, joint, axes if dof < 3 else turning, dof, arms[k], near, far)
             where = f" node {first.node[k]}" if first.node.size > 1 else ""
             found.append((row, f"{joint.name}{where} {DOF_NAMES[dof]}"))
     if locked and not found:
@@ -217,6 +221,22 @@ def _joint_rows(
             f"{', '.join(DOF_NAMES[dof] for dof in locked)}. Check `free:` and the `frame:` of the first interface"
         )
     return found
+
+
+def _locked_turn(joint: Joint, axes: Array, carried: Array) -> Array:
+    """Axes about which a joint locks rotation, as rows (3, 3).
+
+    Of two free rotations the earlier comes first: it turns about an axis of the second side, the later about one of the
+    first side, as in a universal joint. The rotation about the normal to both is locked, which is the third axis of the
+    first side only while the later rotation is zero.
+    """
+    free = sorted(dof - 3 for dof in joint.free if dof >= 3)
+    if len(free) != 2 or abs(axes[free[1]] @ carried[free[0]]) > _HELD_TURNED:
+        return axes
+    turned = axes.copy()
+    normal = np.cross(carried[free[0]], axes[free[1]])
+    turned[3 - sum(free)] = normal / np.linalg.norm(normal)
+    return turned
 
 
 def _check_carried(face: Interface, k: int, turn: Array, joint: Joint, size: float) -> None:

@@ -23,6 +23,7 @@ from cmsreduce.model import (
 __all__ = [
     "Joined",
     "bodies_beyond",
+    "carried_axes",
     "interface_at",
     "joint_arms",
     "joint_axes",
@@ -134,6 +135,16 @@ def joint_axes(substructures: Mapping[str, Joined], placed: Mapping[str, Placeme
     """Axes of a joint as rows, in scene components: those of its first interface (3, 3)."""
     face = interface_at(substructures, joint.first)
     return np.asarray(face.frame @ placed[joint.first.body].rotation.T)
+
+
+def carried_axes(
+    substructures: Mapping[str, Joined], scene: Scene, placed: Mapping[str, Placement], joint: Joint
+) -> Array:
+    """Axes of a joint as built, carried by its second body since then: rows, in scene components (3, 3)."""
+    ends = (joint.first.body, joint.second.body)
+    built = [scene.placements.get(body, Placement()).rotation for body in ends]
+    as_built = interface_at(substructures, joint.first).frame @ built[0].T
+    return np.asarray(as_built @ built[1] @ placed[joint.second.body].rotation.T)
 
 
 def joint_gap(substructures: Mapping[str, Joined], placed: Mapping[str, Placement], joint: Joint) -> Array:

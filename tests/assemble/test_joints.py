@@ -111,6 +111,39 @@ def test_the_whole_may_move_rigidly_however_joints_are_set(free, seed, offset, r
     assert found.N == found.rigid.shape[1] == 8 + len(free)
 
 
+def moved_by(subs, scene, angles, dof, step=1e-6) -> np.ndarray:
+    """Coordinates of rigid bodies under a small motion of joint ``j``, by the difference of two placements."""
+    placed = [
+        place_bodies(subs, scene, Configuration("near", {**angles, ("j", dof): angles[("j", dof)] + change}))
+        for change in (0.0, -step, step)
+    ]
+    rows = []
+    for name, sub in subs.items():
+        now, before, after = (each[name] for each in placed)
+        turn = (after.rotation - before.rotation) / (2 * step) @ now.rotation.T
+        travel = (after.rotation - before.rotation) @ sub.position["cg"] + after.translation - before.translation
+        rows += [now.rotation.T @ travel / (2 * step), now.rotation.T @ [turn[2, 1], turn[0, 2], turn[1, 0]]]
+    return np.concatenate(rows)
+
+
+@pytest.mark.parametrize("reverse", [False, True], ids=["first is inboard", "first is outboard"])
+@pytest.mark.parametrize("free", ["rz", "rx ry", "rx rz", "ry rz", "x ry rz", "y z", "z rx", "x rx ry rz"])
+def test_settings_of_a_turned_joint_move_as_its_constraints_allow(free, reverse):
+    """A turn about the later of two axes carries the earlier one, as in a universal joint."""
+    subs = substructures((hub(frame=rotation([1, 2, 3], 0.7)), vane(frame=rotation([-1, 1, 0], 1.3))))
+    ends = ("vane.h", "hub.h") if reverse else ("hub.h", "vane.h")
+    turning = joint("j", *ends, free)
+    angles = {("j", dof): [0.2, -0.1, 0.3, 0.5, -1.1, 0.9][dof] for dof in turning.free}
+    found = system(subs, [turning], angles)
+    scene = Scene(tuple(subs), (0.0, 1.0), (turning,), (Configuration("now", angles),))
+    allowed, _ = np.linalg.qr(found.T @ found.rigid)
+    assert allowed.shape[1] == 6 + len(free.split())
+    for dof in turning.free:
+        motion = moved_by(subs, scene, angles, dof)
+        left = motion - allowed @ (allowed.T @ motion)
+        assert np.linalg.norm(left) < 1e-8 * np.linalg.norm(motion)
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.4, np.pi / 2, 2.8])
 def test_a_pendulum_of_two_bodies(angle):
     """Torque in the hinge against the angle it makes: closed form of two free bodies hinged in a plane."""
