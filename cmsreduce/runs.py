@@ -238,7 +238,9 @@ def simulate(
     configuration : str, optional
         Configuration at the start, by default the first one.
     efforts : mapping of actuator to function of time, optional
-        `Pulse`, `Slew` or any function of the time in seconds; in the units of the scene.
+        `Pulse`, `Slew` or any function of the time in seconds; in the units of the scene. Steps end at the ``points``
+        and where a pulse or a slew begins and ends; a function that acts for less than the time between two points
+        needs more points, or an attribute ``ends`` with these times.
     gravity : (3,) sequence of float
         Acceleration of free fall, along the axes of the scene.
     rates : mapping of ``JOINT.DOF`` to float, optional

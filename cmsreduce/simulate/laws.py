@@ -10,7 +10,7 @@ import numpy as np
 __all__ = ["Law", "Pulse", "Slew"]
 
 Law = Callable[[float], float]
-"""Force or torque at a time in seconds."""
+"""Force or torque at a time in seconds; times in an attribute ``ends`` are not stepped over."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,11 @@ class Pulse:
     peak: float
     duration: float
     start: float = 0.0
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Times at which it begins and ends; no step goes over them."""
+        return self.start, self.start + self.duration
 
     def __call__(self, t: float) -> float:
         """Effort at a time."""
@@ -55,6 +60,11 @@ class Slew:
     duration: float
     start: float = 0.0
     inertia: float = 1.0
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Times at which it begins and ends; no step goes over them."""
+        return self.start, self.start + self.duration
 
     def __call__(self, t: float) -> float:
         """Effort at a time."""

@@ -94,8 +94,8 @@ class Motion:
     @cached_property
     def imbalance(self) -> float:
         """Largest energy that came from nowhere, relative to the largest kinetic energy."""
-        gained, largest = self.system.imbalance(self.states.y)
-        return float(abs(gained).max() / largest) if largest > 0 else 0.0
+        largest = self.states.kinetic
+        return float(abs(self.system.imbalance(self.states.y)).max() / largest) if largest > 0 else 0.0
 
     @property
     def seconds_per_second(self) -> float:

@@ -29,6 +29,8 @@ _HALVINGS = 50
 # Share of the largest energy that may appear or vanish, in units of the accuracy: errors of many steps add up.
 _IMBALANCE = 1e3
 _LEAST_IMBALANCE = 1e-9
+# Relative to the whole time: the end of an effort and a time to return are one time, apart from rounding.
+_ALIKE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +53,8 @@ class States:
         Time that the integration took.
     highest_omega : float
         Highest frequency at the start in rad/s, joints closed; 0 for rigid bodies.
+    kinetic : float
+        Largest kinetic energy at the end of a step: a motion from rest to rest has none at the times to return.
     """
 
     time: Array
@@ -61,6 +65,7 @@ class States:
     shortest: float
     seconds: float
     highest_omega: float
+    kinetic: float
 
 
 @cache
@@ -141,15 +146,16 @@ def integrate(
     if step is not None:
         # An estimate that never refuses leaves the step at its limit.
         options = {"rtol": 1e300, "atol": 1e300, "max_step": step, "first_step": min(step, span)}
-    began, steps, sizes, found = time.perf_counter(), 0, [np.inf, 0.0], [start]
+    returned, kinetic = set(times[1:].tolist()), system.energies(start)[0]
+    began, steps, sizes, kept = time.perf_counter(), 0, [np.inf, 0.0], [start]
     # Overflow is found below, and refused by name.
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         scheme = DOP853 if method == "explicit" else partial(Radau, jac=system.jacobian)
         solver = scheme(system.rate, float(times[0]), start, float(times[-1]), **options)
-        for target in times[1:]:
+        for target in _stops(system, times):
             # Steps end at the times to return, where the constraints hold; interpolation would not keep them.
-            solver.t_bound, solver.status = float(target), "running"
+            solver.t_bound, solver.status = target, "running"
             while solver.status == "running":
                 before = solver.t
                 try:
@@ -161,13 +167,26 @@ def integrate(
                     system.refuse_large(solver.y)
                 except (SimulationError, np.linalg.LinAlgError) as error:
                     raise SimulationError(_diverged(error, solver.t)) from None
+                kinetic = max(kinetic, system.energies(solver.y)[0])
                 steps, size = steps + 1, solver.t - before
                 sizes = [min(sizes[0], size), max(sizes[1], size)]
-            found.append(solver.y)
+            if target in returned:
+                kept.append(solver.y)
     elapsed = time.perf_counter() - began
-    states = np.array(found)
-    _refuse_imbalance(system, states, times, accuracy, method)
-    return States(times, states, steps, solver.nfev, sizes[1], sizes[0], elapsed, highest)
+    found = States(times, np.array(kept), steps, solver.nfev, sizes[1], sizes[0], elapsed, highest, kinetic)
+    _refuse_imbalance(system, found, accuracy, method)
+    return found
+
+
+def _stops(system: MultibodySystem, times: Array) -> list[float]:
+    """Times at which steps end: those to return, and those at which efforts begin and end.
+
+    A step from rest over a whole pulse would find nothing that moves, in its error estimate either.
+    """
+    ends = np.array([end for law in system.efforts.values() for end in getattr(law, "ends", ())])
+    inside = ends[(ends > times[0]) & (ends < times[-1])]
+    apart = abs(inside[:, None] - times).min(axis=1, initial=np.inf) > _ALIKE * (times[-1] - times[0])
+    return [float(stop) for stop in np.union1d(times[1:], inside[apart])]
 
 
 def _tolerances(system: MultibodySystem, span: float) -> Array:
@@ -197,9 +216,9 @@ def _diverged(error: Exception, t: float) -> str:
     )
 
 
-def _refuse_imbalance(system: MultibodySystem, states: Array, times: Array, accuracy: float, method: Method) -> None:
+def _refuse_imbalance(system: MultibodySystem, states: States, accuracy: float, method: Method) -> None:
     """Refuse energy from nowhere, and with the explicit method also energy that is lost."""
-    gained, largest = system.imbalance(states)
+    gained, largest = system.imbalance(states.y), states.kinetic
     if method == "implicit":
         # It takes energy from fast modes.
         gained = np.maximum(gained, 0.0)
@@ -207,6 +226,6 @@ def _refuse_imbalance(system: MultibodySystem, states: Array, times: Array, accu
     worst = int(abs(gained).argmax())
     if abs(gained[worst]) > limit:
         raise SimulationError(
-            f"energy is not conserved: at {times[worst]:.6g} s, {gained[worst]:.3g} of {largest:.3g} came from "
+            f"energy is not conserved: at {states.time[worst]:.6g} s, {gained[worst]:.3g} of {largest:.3g} came from "
             "nowhere; ask for a smaller `accuracy`"
         )

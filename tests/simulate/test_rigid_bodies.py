@@ -12,7 +12,7 @@ from scipy.special import ellipj, ellipk
 
 from cmsreduce.errors import SceneError, SimulationError
 from cmsreduce.model import Channel, Interface, JointElement, Point, PointTerm, RigidBody, StrutTerm
-from cmsreduce.simulate import Pulse, Slew
+from cmsreduce.simulate import Method, Pulse, Slew
 from tests.consumers.bodies import modes
 from tests.frames import BAR, line
 from tests.simulate.four_bar import bars, inertia
@@ -164,6 +164,22 @@ def test_a_slew_of_two_rigid_bodies_ends_at_its_angle(tmp_path: Path) -> None:
     R = motion.rotation["bus"][-1]
     assert np.arctan2(R[1, 0], R[0, 0]) == pytest.approx(-1.2 * 2 / 9, abs=1e-7)
     assert abs(motion.momentum).max() < 1e-12
+
+
+@pytest.mark.parametrize("method", ["explicit", "implicit"])
+@pytest.mark.parametrize("law", [Pulse(7.0, 0.02, start=3.7), Slew(0.3, 0.02, start=3.7)], ids=["pulse", "slew"])
+def test_a_short_effort_after_a_long_rest_acts(tmp_path: Path, method: Method, law: Pulse | Slew) -> None:
+    """Nothing moves before, so that an error estimate would let one step go over all of it."""
+    scene = hinged(
+        [brick("bus", (5, 6, 7)), brick("wing", (1, 1, 2))], [joint("pin", "bus.hinge", "wing.hinge")], tmp_path
+    )
+    motion = simulate(scene, 10.0, points=1, efforts={"pin.5": law}, method=method)
+    rate = 0.5 * 7.0 * 0.02 * (1 / 7 + 1 / 2)
+    angle = 0.3 if isinstance(law, Slew) else rate * (10.0 - 3.71)
+    assert motion.joints["pin.rz"] == pytest.approx([0.0, angle], rel=1e-4)
+    # A motion from rest to rest is measured against the energy that it had in between.
+    assert motion.imbalance < 1e-4
+    assert motion.time.tolist() == [0.0, 10.0]
 
 
 def test_a_pulse_and_a_ball(tmp_path: Path) -> None:
