@@ -18,7 +18,7 @@ from cmsreduce.assemble.placement import (
     place_bodies,
 )
 from cmsreduce.errors import SceneError
-from cmsreduce.model import DOF_NAMES, SCALAR, Configuration, Joint, Placement, Scene, Substructure
+from cmsreduce.model import DOF_NAMES, FIRST_ROTATION, SCALAR, Configuration, Joint, Placement, Scene, Substructure
 
 __all__ = ["check_loops", "nearest_closed"]
 
@@ -26,7 +26,6 @@ Array = NDArray[np.float64]
 Motion = tuple[str, int]
 """Joint and its motion 0..5."""
 
-_FIRST_ROTATION = 3
 # Gauss-Newton doubles the digits with each step; a loop that is open after these cannot be closed nearby.
 _STEPS = 30
 _STEP = 1e-6  # of a radian or of the size of the system: of central differences, which then err by 1e-12
@@ -104,7 +103,7 @@ def nearest_closed(
     size, motions = reach(substructures), []
     for joint in inboard_of.values():
         motions += [(joint.name, dof) for dof in sorted(joint.free) if (joint.name, dof) not in fixed]
-    unit = np.array([1.0 if dof >= _FIRST_ROTATION else size for _, dof in motions])
+    unit = np.array([1.0 if dof >= FIRST_ROTATION else size for _, dof in motions])
 
     def at(change: Array) -> Configuration:
         moved = {axis: configuration.angles.get(axis, 0.0) + float(c) for axis, c in zip(motions, change, strict=True)}
@@ -148,7 +147,7 @@ def _misfit(
     if first.node.size != second.node.size or first.components[0] == (SCALAR,):
         return np.zeros(0), np.zeros(0)
     gap = joint_gap(substructures, placed, joint) @ axes.T
-    gap[:, [dof for dof in joint.free if dof < _FIRST_ROTATION]] = 0.0
+    gap[:, [dof for dof in joint.free if dof < FIRST_ROTATION]] = 0.0
     # Relative rotation since the bodies were built, along the joint's axes.
     Q = axes @ carried_axes(substructures, scene, placed, joint).T
     can = available(first, 0, axes @ placed[joint.first.body].rotation)
@@ -167,8 +166,7 @@ def _advice(substructures: Mapping[str, Substructure], scene: Scene, configurati
         if closed is None or closed is configuration:
             continue
         shown = [
-            f"{name}.{DOF_NAMES[dof]}: "
-            + (f"{np.degrees(value):.8g} deg" if dof >= _FIRST_ROTATION else f"{value:.8g}")
+            f"{name}.{DOF_NAMES[dof]}: " + (f"{np.degrees(value):.8g} deg" if dof >= FIRST_ROTATION else f"{value:.8g}")
             for (name, dof), value in closed.angles.items()
             if (name, dof) in configuration.angles or abs(value) > _STEP
         ]

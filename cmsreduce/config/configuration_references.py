@@ -17,11 +17,9 @@ from cmsreduce.config.keys import (
 )
 from cmsreduce.config.scene_channels import free_dof_named, joint_value
 from cmsreduce.errors import SceneError, UnitsError, not_among
-from cmsreduce.model import DOF_NAMES
+from cmsreduce.model import DOF_NAMES, FIRST_ROTATION
 
 __all__ = ["BrokenReference", "articulation_references", "parameter_references"]
-
-_FIRST_ROTATION = 3
 
 
 class BrokenReference(NamedTuple):
@@ -97,7 +95,7 @@ def parameter_references(pipeline: Pipeline) -> Iterator[BrokenReference]:
             except SceneError as error:
                 yield BrokenReference((*at, "joints", key), str(error))
                 continue
-            wanted = figure_powers(figure, dof >= _FIRST_ROTATION)
+            wanted = figure_powers(figure, dof >= FIRST_ROTATION)
             if wanted is None:
                 yield BrokenReference(
                     (*at, "joints", key), "a sliding joint has no inertia: add the mass to a body by `mass`"

@@ -11,11 +11,18 @@ from cmsreduce.config.keys import Pipeline, Quantity, parse_point, parse_value
 from cmsreduce.config.references import broken_references
 from cmsreduce.config.scene_channels import actuator_channel, free_dof_named, joint_value, sensor_channels
 from cmsreduce.errors import SceneError
-from cmsreduce.model import Configuration, Joint, JointElement, Scene, Values, dof_index, parameter_label
+from cmsreduce.model import (
+    FIRST_ROTATION,
+    Configuration,
+    Joint,
+    JointElement,
+    Scene,
+    Values,
+    dof_index,
+    parameter_label,
+)
 
 __all__ = ["build_scene"]
-
-_FIRST_ROTATION = 3
 
 
 def build_scene(pipeline: Pipeline) -> Scene:
@@ -142,7 +149,7 @@ def _configuration(
         value = joint_value(dof, quantity, pipeline.units)
         angles[joint, dof] = value
         # Adding zero turns -0 into 0. Six digits hide the round-off of the conversion to degrees.
-        labels.append(f"{key}={(math.degrees(value) if dof >= _FIRST_ROTATION else value) + 0.0:.6g}")
+        labels.append(f"{key}={(math.degrees(value) if dof >= FIRST_ROTATION else value) + 0.0:.6g}")
     if parameters:
         labels.append(parameter_label(parameters))
     return Configuration(name or " ".join(labels) or "as built", angles, parameters or {})

@@ -9,7 +9,7 @@ import numpy as np
 
 from cmsreduce.config.keys import ActuatorKeys, Pipeline, Quantity, SceneKeys, SensorKeys, parse_point, parse_row
 from cmsreduce.errors import SceneError, not_among
-from cmsreduce.model import DOF_NAMES, Channel, JointTerm, PointTerm, StrutTerm, Units, dof_index
+from cmsreduce.model import DOF_NAMES, FIRST_ROTATION, Channel, JointTerm, PointTerm, StrutTerm, Units, dof_index
 
 __all__ = [
     "actuator_channel",
@@ -20,7 +20,6 @@ __all__ = [
     "sized_names",
 ]
 
-_FIRST_ROTATION = 3
 _Quantity = Literal["translation", "rotation", "combination"]
 
 
@@ -70,7 +69,7 @@ def joint_value(dof: int, quantity: Quantity, units: Units) -> float:
     UnitsError
         If an angle has no unit, or the unit is of another dimension.
     """
-    return quantity.to_si("angle") if dof >= _FIRST_ROTATION else quantity.length_in(units)
+    return quantity.to_si("angle") if dof >= FIRST_ROTATION else quantity.length_in(units)
 
 
 def actuator_channel(pipeline: Pipeline, name: str, actuator: ActuatorKeys) -> Channel:
@@ -86,9 +85,9 @@ def actuator_channel(pipeline: Pipeline, name: str, actuator: ActuatorKeys) -> C
     vector = np.zeros(6)
     quantity: _Quantity
     if actuator.force is not None:
-        vector[:_FIRST_ROTATION], quantity = actuator.force, "translation"
+        vector[:FIRST_ROTATION], quantity = actuator.force, "translation"
     else:
-        vector[_FIRST_ROTATION:], quantity = actuator.torque, "rotation"
+        vector[FIRST_ROTATION:], quantity = actuator.torque, "rotation"
     return Channel(name, (PointTerm(parse_point(actuator.at), vector),), quantity)
 
 
@@ -140,6 +139,6 @@ def _shared_form(pipeline: Pipeline, name: str, keys: ActuatorKeys | SensorKeys,
 
 
 def _kind(dofs: set[int]) -> _Quantity:
-    if min(dofs) >= _FIRST_ROTATION:
+    if min(dofs) >= FIRST_ROTATION:
         return "rotation"
-    return "combination" if max(dofs) >= _FIRST_ROTATION else "translation"
+    return "combination" if max(dofs) >= FIRST_ROTATION else "translation"

@@ -39,7 +39,7 @@ from cmsreduce.model.integrals import (
     ModalIntegrals,
     SecondOrder,
 )
-from cmsreduce.model.joint import DOF_NAMES, Joint, JointElement, Point, dof_index
+from cmsreduce.model.joint import DOF_NAMES, FIRST_ROTATION, Joint, JointElement, Point, dof_index
 from cmsreduce.model.mapped_array import (
     CHECKSUM,
     add_dataset,
@@ -98,6 +98,7 @@ __all__ = [
     "Configuration",
     "Controller",
     "DOF_NAMES",
+    "FIRST_ROTATION",
     "DOUBLE",
     "Damping",
     "DofTable",

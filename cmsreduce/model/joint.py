@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from cmsreduce.errors import SceneError
 from cmsreduce.model.parameters import Values
 
-__all__ = ["DOF_NAMES", "Joint", "JointElement", "Point", "dof_index"]
+__all__ = ["DOF_NAMES", "FIRST_ROTATION", "Joint", "JointElement", "Point", "dof_index"]
 
 DOF_NAMES = ("x", "y", "z", "rx", "ry", "rz")
 """Names of the six motions of a point, in order."""
 
-_FIRST_ROTATION = 3
+FIRST_ROTATION = 3
+"""The first rotation among the six motions of a point."""
 
 
 def dof_index(name: str) -> int:
@@ -67,7 +68,7 @@ class JointElement:
         for what in ("stiffness", "damping", "inertia"):
             if not getattr(self, what) >= 0:
                 raise SceneError(f"a joint's {what} of {getattr(self, what):g} is negative")
-        if self.has("inertia") and self.dof < _FIRST_ROTATION:
+        if self.has("inertia") and self.dof < FIRST_ROTATION:
             raise SceneError(
                 "a joint's inertia is about one of its axes; a part that slides has mass in every direction: "
                 "add its mass to a body"

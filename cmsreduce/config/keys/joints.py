@@ -23,13 +23,12 @@ from cmsreduce.config.keys.channels import DofName, Pair
 from cmsreduce.config.keys.mapping import DofNames, Keys, LengthVector, Plain, Written, WrittenItems, reported
 from cmsreduce.config.keys.quantities import Compound, ElementFigure, Quantity, parse_compound, parse_quantity
 from cmsreduce.errors import UnitsError
-from cmsreduce.model import DOF_NAMES, SI, JointElement, Units
+from cmsreduce.model import DOF_NAMES, FIRST_ROTATION, SI, JointElement, Units
 
 __all__ = ["ELEMENT_FIGURES", "Articulation", "JointKeys", "NamedConfiguration", "JointValues"]
 
 ELEMENT_FIGURES: tuple[ElementFigure, ...] = ("stiffness", "damping", "inertia")
 """Keys of springs, dampers and inertias on free motions of a joint."""
-_FIRST_ROTATION = 3
 
 
 def _all_or_some(value: object) -> object:
@@ -93,12 +92,12 @@ class JointKeys(Keys):
                     raise ValueError(f"{what}: {dof} is locked, free are: {free}; free it, or take it out here")
                 if figure.value < 0:
                     raise ValueError(f"{what}: {figure} is negative")
-                if what == "inertia" and DOF_NAMES.index(dof) < _FIRST_ROTATION:
+                if what == "inertia" and DOF_NAMES.index(dof) < FIRST_ROTATION:
                     raise ValueError(
                         f"inertia: {dof} is a translation, and a sliding mass acts in every direction: add it to a body"
                     )
                 try:
-                    figure.figure_in(SI, what, DOF_NAMES.index(dof) >= _FIRST_ROTATION)
+                    figure.figure_in(SI, what, DOF_NAMES.index(dof) >= FIRST_ROTATION)
                 except UnitsError as error:
                     raise ValueError(f"{what}: {error}") from None
         return self
@@ -112,7 +111,7 @@ class JointKeys(Keys):
         found = []
         for dof, name in enumerate(DOF_NAMES):
             stiffness, damping, inertia = (
-                self.figures(what)[name].figure_in(units, what, dof >= _FIRST_ROTATION)
+                self.figures(what)[name].figure_in(units, what, dof >= FIRST_ROTATION)
                 if name in self.figures(what)
                 else None
                 for what in ELEMENT_FIGURES

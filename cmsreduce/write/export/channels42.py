@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import Channel, JointTerm, PointTerm, StrutTerm
+from cmsreduce.model import FIRST_ROTATION, Channel, JointTerm, PointTerm, StrutTerm
 from cmsreduce.write.export.tree42 import Spacecraft
 
 __all__ = ["Thruster", "command_lines", "sensor_table", "thrusters"]
 
-_FIRST_ROTATION = 3
 _ARM = 1.0  # metres between the thrusters of a couple
 
 Array = NDArray[np.float64]
@@ -77,7 +76,7 @@ def _loads(tree: Spacecraft, channel: Channel) -> Iterator[tuple[int, Array, Arr
             case PointTerm(point, direction):
                 part, at = tree.place(point)
                 turned = tree.scene.body(point.body).placement.rotation
-                yield part, at, turned @ direction[:_FIRST_ROTATION], turned @ direction[_FIRST_ROTATION:]
+                yield part, at, turned @ direction[:FIRST_ROTATION], turned @ direction[FIRST_ROTATION:]
             case JointTerm(joint, dof):
                 yield from _joint_loads(tree, channel.name, joint, dof)
             case StrutTerm():
@@ -88,13 +87,13 @@ def _joint_loads(tree: Spacecraft, name: str, joint: str, dof: int) -> Iterator[
     """Opposite efforts on both sides of a joint: on the second interface, and against it on the first one."""
     placed = next(placed for placed in tree.scene.joints if placed.joint.name == joint)
     free = sorted(placed.joint.free)
-    turning = [each for each in free if each >= _FIRST_ROTATION]
-    sliding = [each for each in free if each < _FIRST_ROTATION]
-    along = dof % _FIRST_ROTATION
+    turning = [each for each in free if each >= FIRST_ROTATION]
+    sliding = [each for each in free if each < FIRST_ROTATION]
+    along = dof % FIRST_ROTATION
     stays = (
-        all(each - _FIRST_ROTATION == along for each in turning)
-        if dof >= _FIRST_ROTATION
-        else sliding == [dof] and all(each - _FIRST_ROTATION == along for each in turning)
+        all(each - FIRST_ROTATION == along for each in turning)
+        if dof >= FIRST_ROTATION
+        else sliding == [dof] and all(each - FIRST_ROTATION == along for each in turning)
     )
     if not stays:
         raise WriteError(
@@ -108,7 +107,7 @@ def _joint_loads(tree: Spacecraft, name: str, joint: str, dof: int) -> Iterator[
     _, at = tree.place(second)
     for point, sign in ((second, 1.0), (first, -1.0)):
         part, _ = tree.place(point)
-        yield (part, at, zero, sign * axis) if dof >= _FIRST_ROTATION else (part, at, sign * axis, zero)
+        yield (part, at, zero, sign * axis) if dof >= FIRST_ROTATION else (part, at, sign * axis, zero)
 
 
 def _pushes(tree: Spacecraft, name: str, sign: int, part: int, at: Array, force: Array) -> Iterator[Thruster]:
@@ -184,23 +183,23 @@ def sensor_table(tree: Spacecraft) -> Iterator[tuple[str, list[tuple[str, int, l
             match term:
                 case JointTerm(joint, dof):
                     index, hinge = tree.hinge_of(joint)
-                    turns = dof >= _FIRST_ROTATION
+                    turns = dof >= FIRST_ROTATION
                     if turns and len(hinge.turns) == 3:
                         why = f"42 writes a quaternion for joint {joint}"
                         continue
                     among = hinge.turns if turns else hinge.slides
                     u, x = _columns(tree)[index][turns]
-                    k = among.index(dof % _FIRST_ROTATION)
+                    k = among.index(dof % FIRST_ROTATION)
                     found.append(
                         ("u", u + k, [float(hinge.sign)]) if channel.rate else ("x", x + k, [float(hinge.sign)])
                     )
                 case PointTerm(point, direction):
-                    if direction[:_FIRST_ROTATION].any():
+                    if direction[:FIRST_ROTATION].any():
                         why = f"42 writes no translation of {point}"
                         continue
                     part, _ = tree.place(point)
                     turned = tree.scene.body(point.body).placement.rotation
-                    about = tree.parts[part].axes @ turned @ direction[_FIRST_ROTATION:]
+                    about = tree.parts[part].axes @ turned @ direction[FIRST_ROTATION:]
                     found.append(("rate" if channel.rate else "turn", part, (about + 0.0).tolist()))
                 case StrutTerm(a, b):
                     why = f"42 writes no distance of {a} and {b}"

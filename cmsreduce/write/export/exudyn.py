@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import (
+    FIRST_ROTATION,
     Channel,
     JointTerm,
     MultibodyScene,
@@ -33,7 +34,6 @@ from cmsreduce.write.targets import exudyn_arrays
 __all__ = ["write_exudyn_scene"]
 
 _SIX = 6
-_FIRST_ROTATION = 3
 
 Array = NDArray[np.float64]
 
@@ -167,9 +167,9 @@ def _element_lines(scene: MultibodyScene, placed: SceneJoint, points: tuple[str,
     """Springs, dampers and inertias of a joint, without force in this configuration."""
     joint, name = placed.joint, placed.joint.name
     acting = [element for element in joint.elements if element.stiffness or element.damping]
-    turns = [dof for dof in joint.free if dof >= _FIRST_ROTATION]
+    turns = [dof for dof in joint.free if dof >= FIRST_ROTATION]
     rest = _relative(scene, placed)
-    if len(turns) > 1 and any(element.dof >= _FIRST_ROTATION for element in acting):
+    if len(turns) > 1 and any(element.dof >= FIRST_ROTATION for element in acting):
         figures = np.zeros((2, _SIX))
         for element in acting:
             figures[:, element.dof] = element.stiffness, element.damping

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import JointTerm, MultibodyScene, SceneBody, SceneJoint, cross_matrix
+from cmsreduce.model import FIRST_ROTATION, JointTerm, MultibodyScene, SceneBody, SceneJoint, cross_matrix
 from cmsreduce.write.component import read_component, stored_integrals
 
 __all__ = ["FirstSlew", "first_slew"]
@@ -16,7 +16,6 @@ __all__ = ["FirstSlew", "first_slew"]
 _ANGLE = np.pi / 6
 _PERIODS = 4
 _STEPS_A_PERIOD = 20
-_FIRST_ROTATION = 3
 
 Array = NDArray[np.float64]
 
@@ -62,7 +61,7 @@ def first_slew(scene: MultibodyScene) -> FirstSlew:
     joints = {joint.joint.name: joint for joint in scene.joints}
     for actuator in scene.actuators:
         term = actuator.terms[0]
-        if isinstance(term, JointTerm) and term.dof >= _FIRST_ROTATION and not joints[term.joint].closes_loop:
+        if isinstance(term, JointTerm) and term.dof >= FIRST_ROTATION and not joints[term.joint].closes_loop:
             effort = _ANGLE * 2 * np.pi * _inertia(scene, joints[term.joint], term.dof) / seconds**2
             return FirstSlew(seconds, step, actuator.name, _rounded(effort), seconds_why, step_why)
     name = scene.actuators[0].name if scene.actuators else ""
@@ -93,7 +92,7 @@ def _inertia(scene: MultibodyScene, placed: SceneJoint, dof: int) -> float:
             if other.outboard and beyond & ({other.joint.first.body, other.joint.second.body} - {other.outboard})
         }
     first = scene.body(placed.joint.first.body)
-    axis = first.placement.rotation @ placed.first_axes[dof - _FIRST_ROTATION]
+    axis = first.placement.rotation @ placed.first_axes[dof - FIRST_ROTATION]
     point = scene.in_scene(first.name, first.interfaces[placed.joint.first.name].position[0])
     sides = [0.0, 0.0]
     held = bool(scene.ground)

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import Channel, JointTerm, PointTerm, StrutTerm
+from cmsreduce.model import FIRST_ROTATION, Channel, JointTerm, PointTerm, StrutTerm
 from cmsreduce.write.export.first_slew import FirstSlew
 from cmsreduce.write.export.mbdyn_input import MbdynInput, Place, matrix, quoted, real, vector
 from cmsreduce.write.export.mbdyn_joints import ends, joint_motion
 
 __all__ = ["actuator_laws", "add_actuator", "add_sensor"]
 
-_FIRST_ROTATION = 3
 
 Array = NDArray[np.float64]
 
@@ -62,13 +61,13 @@ def _push_joint(deck: MbdynInput, name: str, joint: str, dof: int, law: str) -> 
     placed = deck.joint(joint)
     first, second, gap = ends(deck, placed)
     axis = vector(-first.along(placed.first_axes[dof % 3]))
-    if dof >= _FIRST_ROTATION:
+    if dof >= FIRST_ROTATION:
         for place in (first, second):
             place.require_slope(f"actuator '{name}'")
         text = f"follower internal, {first.node}, {second.node}, {axis}, {law}"
         deck.element("couple", deck.label("couple", name), text)
         return
-    if len([free for free in placed.joint.free if free < _FIRST_ROTATION]) > 1:
+    if len([free for free in placed.joint.free if free < FIRST_ROTATION]) > 1:
         raise WriteError(
             f"joint '{joint}': two translations are free, and MBDyn's pair of forces along one of them would not "
             "stay on one line; let the actuator act between two points instead (`between`)"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
 from cmsreduce.model import (
+    FIRST_ROTATION,
     FrameCondition,
     JointTerm,
     MultibodyScene,
@@ -34,7 +35,6 @@ from cmsreduce.write.export.tree42 import Hinge, Part, Spacecraft
 __all__ = ["spacecraft"]
 
 _SIX = 6
-_FIRST_ROTATION = 3
 _MOTIONS = frozenset(range(_SIX))
 
 Array = NDArray[np.float64]
@@ -113,14 +113,14 @@ def _attached(scene: MultibodyScene) -> dict[str, dict[int, bool]]:
                 "nodes of each interface to one"
             )
         acting = [element.dof for element in joint.elements]
-        turns = any(dof >= _FIRST_ROTATION for dof in (*placed.locked[0], *acting))
+        turns = any(dof >= FIRST_ROTATION for dof in (*placed.locked[0], *acting))
         for point in (joint.first, joint.second):
             attach(point, turns=turns)
     for channel in (*scene.actuators, *scene.sensors):
         for term in channel.terms:
             match term:
                 case PointTerm(point, direction):
-                    attach(point, turns=bool(np.any(direction[_FIRST_ROTATION:])))
+                    attach(point, turns=bool(np.any(direction[FIRST_ROTATION:])))
                 case JointTerm() | StrutTerm():
                     pass
     return found
@@ -206,8 +206,8 @@ def _add_joint(tree: Spacecraft, placed: SceneJoint, near: Point, far: Point) ->
     inwards = joint.first == near
     # Angles turn about axes of the first interface: those of the carrier one after the other from the outside.
     free = sorted(_MOTIONS - set(placed.locked[0]))
-    turns = tuple(dof - _FIRST_ROTATION for dof in free if dof >= _FIRST_ROTATION)
-    slides = tuple(dof for dof in free if dof < _FIRST_ROTATION)
+    turns = tuple(dof - FIRST_ROTATION for dof in free if dof >= FIRST_ROTATION)
+    slides = tuple(dof for dof in free if dof < FIRST_ROTATION)
     if not inwards and slides and turns and (slides != turns):
         raise WriteError(
             f"joint '{joint.name}': it slides along axes of the body that it carries, and those of 42 are fixed to the "
@@ -218,7 +218,7 @@ def _add_joint(tree: Spacecraft, placed: SceneJoint, near: Point, far: Point) ->
     # those of a ball, which 42 holds as a quaternion.
     from_zero = len(turns) == 3 or any(element.stiffness for element in joint.elements)
     values = np.zeros(_SIX) if from_zero else placed.values
-    angles = tuple(float(values[_FIRST_ROTATION + axis]) for axis in turns)
+    angles = tuple(float(values[FIRST_ROTATION + axis]) for axis in turns)
     places = tuple(float(values[axis]) for axis in slides)
     turned = np.eye(3)
     for axis, angle in zip(turns, angles, strict=True):
@@ -231,7 +231,7 @@ def _add_joint(tree: Spacecraft, placed: SceneJoint, near: Point, far: Point) ->
     for element in joint.elements:
         coefficients[:, element.dof] = element.stiffness, element.damping
         if element.inertia:
-            axis = now[element.dof - _FIRST_ROTATION]
+            axis = now[element.dof - FIRST_ROTATION]
             carrier = tree.parts[inner if inwards else outer]
             about = carrier.axes @ axis
             carrier.inertia = carrier.inertia + element.inertia * np.outer(about, about)
@@ -249,8 +249,8 @@ def _add_joint(tree: Spacecraft, placed: SceneJoint, near: Point, far: Point) ->
             slides,
             angles,
             places,
-            tuple(float(stiffness[_FIRST_ROTATION + axis]) for axis in turns),
-            tuple(float(damping[_FIRST_ROTATION + axis]) for axis in turns),
+            tuple(float(stiffness[FIRST_ROTATION + axis]) for axis in turns),
+            tuple(float(damping[FIRST_ROTATION + axis]) for axis in turns),
             tuple(float(stiffness[axis]) for axis in slides),
             tuple(float(damping[axis]) for axis in slides),
             1 if inwards else -1,
