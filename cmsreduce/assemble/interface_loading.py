@@ -169,10 +169,11 @@ def _elements(
     placed = {name: scene.placements.get(name, Placement()) for name in stack.substructures}
     for joint in joints:
         for element in joint.elements:
-            rows = np.array(
-                [motion_of(stack, placed, joint, element.dof) for motion_of in (relative_motion, first_motion)]
-            )
-            across, first = _follow(dense(stack.spread(rows)), here.m, shapes)
+            rows = [
+                relative_motion(stack, scene, placed, joint, element.dof),
+                first_motion(stack, placed, joint, element.dof),
+            ]
+            across, first = _follow(dense(stack.spread(np.array(rows))), here.m, shapes)
             yield element.stiffness, 0.0, across
             yield 0.0, element.inertia, first
 

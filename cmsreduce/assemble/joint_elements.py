@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.joints import available, digits, first_motion, relative_motion
-from cmsreduce.assemble.placement import interface_at, joint_axes
+from cmsreduce.assemble.placement import interface_at, motion_axes
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError
 from cmsreduce.model import DOF_NAMES, Joint, JointElement, Placement, Scene, Substructure
@@ -107,11 +107,13 @@ def element_rows(
                 "build the stack from with_joint_bodies(substructures, scene)"
             )
         for element in joint.elements:
-            _check_moves(stack, placed, joint, element)
-            ties = [(_ACROSS, relative_motion)] if _acts_across(element) else []
-            ties += [(_FIRST, first_motion)] if element.inertia else []
-            for label, motion_of in ties:
-                row = motion_of(stack, placed, joint, element.dof)
+            _check_moves(stack, scene, placed, joint, element)
+            ties = {}
+            if _acts_across(element):
+                ties[_ACROSS] = relative_motion(stack, scene, placed, joint, element.dof)
+            if element.inertia:
+                ties[_FIRST] = first_motion(stack, placed, joint, element.dof)
+            for label, row in ties.items():
                 row[stack.columns(name, label).start + element.dof] = -1.0
                 rows.append(row)
                 owner.append(f"{joint.name} {DOF_NAMES[element.dof]} {label}")
@@ -122,9 +124,11 @@ def _acts_across(element: JointElement) -> bool:
     return bool(element.stiffness or element.damping)
 
 
-def _check_moves(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, element: JointElement) -> None:
+def _check_moves(
+    stack: PointStack, scene: Scene, placed: Mapping[str, Placement], joint: Joint, element: JointElement
+) -> None:
     """Refuse an element on a motion that an interface does not have."""
-    axes = joint_axes(stack.substructures, placed, joint)
+    axes = motion_axes(stack.substructures, scene, placed, joint, element.dof)
     for point in (joint.first, joint.second) if _acts_across(element) else (joint.first,):
         face = interface_at(stack.substructures, point)
         if not available(face, 0, axes @ placed[point.body].rotation)[element.dof]:

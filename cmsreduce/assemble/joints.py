@@ -8,10 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.placement import carried_axes, interface_at, joint_arms, joint_axes, joint_gap
+from cmsreduce.assemble.placement import interface_at, joint_arms, joint_axes, joint_gap, motion_axes
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError, UnitsError
-from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
+from cmsreduce.model import (
+    DOF_NAMES,
+    FIRST_ROTATION,
+    Interface,
+    Joint,
+    Placement,
+    Point,
+    Scene,
+    Substructure,
+    cross_matrix,
+)
 
 __all__ = [
     "COINCIDENT",
@@ -33,20 +43,20 @@ Array = NDArray[np.float64]
 _ALIGNED = 1e-6
 COINCIDENT = 1e-5
 """Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer."""
-# Cosine between the two axes of a universal joint: a larger one comes from a setting of the rotation that it locks.
-_HELD_TURNED = 1e-3
 # Longest list of nodes in a message.
 _COPIED = 200
 _UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
 
 
-def relative_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> Array:
+def relative_motion(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], joint: Joint, dof: int) -> Array:
     """Row over the stacked motions: motion of the second interface relative to the first, along a joint axis.
 
     Parameters
     ----------
     stack : PointStack
         Points of all bodies.
+    scene : Scene
+        Bodies as built.
     placed : mapping of body to Placement
         Positions of the bodies.
     joint : Joint
@@ -58,7 +68,8 @@ def relative_motion(stack: PointStack, placed: Mapping[str, Placement], joint: J
     -------
     (size,) float64
     """
-    axes, arm = joint_axes(stack.substructures, placed, joint), joint_arms(stack.substructures, placed, joint)[0]
+    arm = joint_arms(stack.substructures, placed, joint)[0]
+    axes = motion_axes(stack.substructures, scene, placed, joint, dof)
     return _relative_row(stack, placed, joint, axes, dof, arm, stack.label(joint.first), stack.label(joint.second))
 
 
@@ -83,7 +94,7 @@ def _relative_row(
 
 
 def first_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> Array:
-    """Row over the stacked motions: motion of the first interface along a joint axis (size,)."""
+    """Row over the stacked motions: motion of the first interface along a joint axis that it carries (size,)."""
     direction = joint_direction(joint_axes(stack.substructures, placed, joint), dof)
     row = np.zeros(stack.size)
     row[stack.columns(joint.first.body, stack.label(joint.first))] = in_body(direction, placed[joint.first.body])
@@ -167,7 +178,8 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
     for joint in scene.joints:
         axes = joint_axes(stack.substructures, placed, joint)
         gap = max(gap, _coincidence(stack.substructures, placed, joint, axes, as_built))
-        named += _joint_rows(stack, placed, joint, axes, carried_axes(stack.substructures, scene, placed, joint))
+        turning = motion_axes(stack.substructures, scene, placed, joint, FIRST_ROTATION)
+        named += _joint_rows(stack, placed, joint, axes, turning)
     for point in scene.ground:
         named += ground_rows(stack, point)
     A = np.array([row for row, _ in named]) if named else np.zeros((0, stack.size))
@@ -175,7 +187,7 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
 
 
 def _joint_rows(
-    stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: Array, carried: Array
+    stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: Array, turning: Array
 ) -> list[tuple[Array, str]]:
     first, second = (interface_at(stack.substructures, point) for point in (joint.first, joint.second))
     if first.node.size != second.node.size:
@@ -193,7 +205,7 @@ def _joint_rows(
     arms, size = joint_arms(stack.substructures, placed, joint), reach(stack.substructures)
     labels = [stack.substructures[p.body].point_labels(f) for p, f in ((joint.first, first), (joint.second, second))]
     locked = [dof for dof in range(6) if dof not in joint.free]
-    turning, found = _locked_turn(joint, axes, carried), []
+    found = []
     for k, (near, far) in enumerate(zip(*labels, strict=True)):
         here, there = (
             [*available(face, k, axes @ body.rotation)[:3], *available(face, k, turning @ body.rotation)[3:]]
@@ -221,22 +233,6 @@ def _joint_rows(
             f"{', '.join(DOF_NAMES[dof] for dof in locked)}. Check `free:` and the `frame:` of the first interface"
         )
     return found
-
-
-def _locked_turn(joint: Joint, axes: Array, carried: Array) -> Array:
-    """Axes about which a joint locks rotation, as rows (3, 3).
-
-    Of two free rotations the earlier comes first: it turns about an axis of the second side, the later about one of the
-    first side, as in a universal joint. The rotation about the normal to both is locked, which is the third axis of the
-    first side only while the later rotation is zero.
-    """
-    free = sorted(dof - 3 for dof in joint.free if dof >= 3)
-    if len(free) != 2 or abs(axes[free[1]] @ carried[free[0]]) > _HELD_TURNED:
-        return axes
-    turned = axes.copy()
-    normal = np.cross(carried[free[0]], axes[free[1]])
-    turned[3 - sum(free)] = normal / np.linalg.norm(normal)
-    return turned
 
 
 def _check_carried(face: Interface, k: int, turn: Array, joint: Joint, size: float) -> None:

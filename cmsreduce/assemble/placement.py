@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
 from cmsreduce.model import (
+    FIRST_ROTATION,
     SCALAR,
     Configuration,
     Interface,
@@ -29,11 +30,15 @@ __all__ = [
     "joint_axes",
     "joint_gap",
     "joint_tree",
+    "motion_axes",
     "place_bodies",
 ]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+# Cosine between the two axes of a universal joint: a larger one comes from a setting of the rotation that it locks.
+_HELD_TURNED = 1e-3
 
 
 class Joined(Protocol):
@@ -145,6 +150,29 @@ def carried_axes(
     built = [scene.placements.get(body, Placement()).rotation for body in ends]
     as_built = interface_at(substructures, joint.first).frame @ built[0].T
     return np.asarray(as_built @ built[1] @ placed[joint.second.body].rotation.T)
+
+
+def motion_axes(
+    substructures: Mapping[str, Joined], scene: Scene, placed: Mapping[str, Placement], joint: Joint, dof: int
+) -> Array:
+    """Axes of the translations or rotations of a joint, whichever ``dof`` is, in scene components: rows (3, 3).
+
+    Of two free rotations the earlier comes first: it turns about an axis of the second side, the later about one of the
+    first side, as in a universal joint. The rotation about the normal to both is locked. These are the axes of the
+    first side only while the later rotation is zero.
+    """
+    axes = joint_axes(substructures, placed, joint)
+    free = sorted(each - FIRST_ROTATION for each in joint.free if each >= FIRST_ROTATION)
+    if dof < FIRST_ROTATION or len(free) != 2:
+        return axes
+    (earlier, later), carried = free, carried_axes(substructures, scene, placed, joint)
+    if abs(axes[later] @ carried[earlier]) > _HELD_TURNED:
+        return axes
+    turning = axes.copy()
+    turning[earlier] = carried[earlier]
+    normal = np.cross(carried[earlier], axes[later]) * (1 if (later - earlier) % 3 == 1 else -1)
+    turning[3 - earlier - later] = normal / np.linalg.norm(normal)
+    return turning
 
 
 def joint_gap(substructures: Mapping[str, Joined], placed: Mapping[str, Placement], joint: Joint) -> Array:

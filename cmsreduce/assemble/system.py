@@ -73,7 +73,7 @@ def channel_rows(
             elif isinstance(term, StrutTerm):
                 _add_strut(stack, row, placed, channel, term)
             else:
-                row += relative_motion(stack, placed, joints[term.joint], term.dof)
+                row += relative_motion(stack, scene, placed, joints[term.joint], term.dof)
     return rows
 
 

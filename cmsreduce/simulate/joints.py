@@ -203,10 +203,14 @@ class Connection:
         )
         return value, on_first, on_second, bias
 
-    @staticmethod
-    def motion(dof: int, a: Moving, b: Moving) -> tuple[Array, Array]:
-        """Rows over the speeds of both bodies: rate of the second side relative to the first, along an axis of it."""
-        axis = a.A[dof % 3]
+    def motion(self, dof: int, a: Moving, b: Moving) -> tuple[Array, Array]:
+        """Rows over the speeds of both bodies: rate of the second side relative to the first, along an axis of it.
+
+        The earlier of two free rotations turns about an axis that the second side carries.
+        """
         if dof >= 3:
+            carried = len(self.normal) == 1 and self.normal[0][1] == dof - 3
+            axis = b.A[dof - 3] if carried else a.A[dof - 3]
             return -axis @ a.W, axis @ b.W
+        axis = a.A[dof]
         return (b.p - a.p) @ a.AJ[dof] - axis @ a.P, axis @ b.P

@@ -21,7 +21,7 @@ from cmsreduce.assemble import (
 )
 from cmsreduce.errors import SceneError
 from cmsreduce.model import Configuration, JointElement, Point, Scene
-from tests.assemble.rigs import at, in_joint, joint, modal, rigid_body, substructures
+from tests.assemble.rigs import at, direct, in_joint, joint, modal, rigid_body, substructures
 from tests.frames import line
 
 J1, J2, K, D, J = 2.5, 0.5, 40.0, 0.3, 0.2
@@ -50,6 +50,32 @@ def discs(*elements, free="rz", ground=False, channels=("rz",), angle=0.0, **opt
 
 def assembled(subs, scene):
     return assemble(subs, scene, scene.configurations[0])
+
+
+@pytest.mark.parametrize("reverse", [False, True], ids=["first is held", "second is held"])
+@pytest.mark.parametrize(("free", "earlier", "later"), [("rx ry", 3, 4), ("rx rz", 3, 5), ("ry rz", 4, 5)])
+def test_what_acts_about_the_earlier_axis_of_a_universal_joint_turns_with_the_later_one(free, earlier, later, reverse):
+    """A ball of inertia J on a universal joint: springs about either axis act on its angle, whatever the other is."""
+    held = rigid_body("held", 5.0, [0, 0, 0], [9, 9, 9], {"h": [0, 0, 0], "wall": [0, 0, 0]}, dofs=(1, 2, 3, 4, 5, 6))
+    ball = rigid_body("ball", 2.0, [0, 0, 0], [J2, J2, J2], {"h": [0, 0, 0]})
+    ends = ("ball.h", "held.h") if reverse else ("held.h", "ball.h")
+    springs = (JointElement(earlier, K), JointElement(later, 9 * K))
+    turned = Configuration("turned", {("j", later): 1.1, ("j", earlier): 0.4})
+    motor = (in_joint("j", free.split()[0]),)
+    scene = Scene(
+        ("held", "ball"),
+        (0.0, 1.0),
+        (joint("j", *ends, free, elements=springs),),
+        (turned,),
+        actuators=motor,
+        sensors=motor,
+        ground=(Point("held", "wall"),),
+    )
+    found = assembled(substructures((held, ball)), scene)
+    np.testing.assert_allclose(system_modes(found, 1e6)[0], np.sqrt([K / J2, 9 * K / J2]), rtol=1e-9)
+    # Torque of a motor on that axis against the angle that it makes.
+    w = np.array([0.3, 5.0])
+    np.testing.assert_allclose(direct(found, w)[:, 0, 0], 1 / (K - w**2 * J2), rtol=1e-9)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.8])

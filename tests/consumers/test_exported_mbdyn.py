@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cmsreduce.errors import WriteError
 from cmsreduce.pipeline.results import multibody_scene
 from cmsreduce.write import export_scene
-from tests.consumers.exported import BEAM, assembled, finished, linear, pulse
+from tests.consumers.exported import BEAM, ROBOT, assembled, finished, linear, pulse
 from tests.consumers.predictions import PlaneBeam
 from tests.frames import line
-from tests.pipeline.study import write_body
+from tests.pipeline.study import arm, panel, write_body
 from tests.write.targets.test_mbdyn import read
 
 MBDYN = os.environ.get("CMSREDUCE_MBDYN")
@@ -164,6 +165,18 @@ def test_the_input_holds_together(robot: Path, tmp_path: Path) -> None:
     assert [words.left[2] for words in drives] == [f'"{sensor.name}"' for sensor in scene.sensors]
     laws = [words.left[2] for kind, words in deck.blocks[""] if kind == "drive caller"]
     assert laws == [f'"{actuator.name}"' for actuator in scene.actuators]
+
+
+def test_a_universal_joint_that_is_turned_about_its_later_axis_is_refused(tmp_path: Path) -> None:
+    """A turn about the earlier one changes no axis."""
+    for body in (arm(), panel()):
+        write_body(tmp_path, body)
+    turns = "articulation: [{{shoulder.ry: 20 deg}}, {{shoulder.rz: 30 deg}}]"
+    run = finished(tmp_path, re.sub("articulation: .*", turns, ROBOT))
+    earlier, later = (multibody_scene(run, assembled(run, number)[0]) for number in (0, 1))
+    assert export_scene(earlier, "mbdyn", tmp_path / "earlier")
+    with pytest.raises(WriteError, match=r"'shoulder': two rotations .* turns it about rz; MBDyn's total joint"):
+        export_scene(later, "mbdyn", tmp_path / "later")
 
 
 def check_modal(words: Words, nodes: dict[str, tuple[np.ndarray, np.ndarray]], folder: Path) -> None:

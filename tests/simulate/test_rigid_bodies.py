@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from cmsreduce.errors import SceneError, SimulationError
-from cmsreduce.model import Channel, Interface, JointElement, Point, PointTerm, RigidBody, StrutTerm
+from cmsreduce.model import DOF_NAMES, Channel, Interface, JointElement, Point, PointTerm, RigidBody, StrutTerm
 from cmsreduce.simulate import Method, Pulse, Slew
 from tests.consumers.bodies import modes
 from tests.frames import BAR, line
@@ -196,6 +196,22 @@ def test_a_pulse_and_a_ball(tmp_path: Path) -> None:
     motion = simulate(scene, 2.0, efforts={"push": Pulse(4.0, 1.0)})
     # The impulse of a sin^2 is half of peak times duration; its arm is 1.
     np.testing.assert_allclose(motion.angular_velocity["arm"][-1], [0, 2.0 / 3.0, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("earlier", "later"), [(3, 4), (3, 5), (4, 5)])
+def test_motors_of_a_universal_joint_act_on_their_own_angles(tmp_path: Path, earlier: int, later: int) -> None:
+    """A ball about its centre: with its axes normal to each other, each angle has the equation of a single hinge."""
+    scene = hinged(
+        [brick("wall", (1, 1, 1)), brick("ball", (0.5, 0.5, 0.5))],
+        [joint("cross", "wall.hinge", "ball.hinge", (earlier, later))],
+        tmp_path,
+        ground=["wall.hinge"],
+    )
+    efforts = {f"cross.{later}": Pulse(2.0, 0.5), f"cross.{earlier}": Pulse(-1.0, 0.5, start=1.0)}
+    motion = simulate(scene, 2.0, efforts=efforts, accuracy=1e-9)
+    # The impulse of a sin^2 is half of peak times duration, from its middle on.
+    assert motion.joints[f"cross.{DOF_NAMES[later]}"][-1] == pytest.approx(0.5 * 2.0 * 0.5 / 0.5 * (2.0 - 0.25))
+    assert motion.joints[f"cross.{DOF_NAMES[earlier]}"][-1] == pytest.approx(-0.5 * 0.5 / 0.5 * (2.0 - 1.25))
 
 
 def test_what_cannot_be_simulated_is_said(tmp_path: Path) -> None:

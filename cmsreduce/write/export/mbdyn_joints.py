@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import JointElement, Point, SceneJoint
+from cmsreduce.errors import WriteError
+from cmsreduce.model import DOF_NAMES, FIRST_ROTATION, JointElement, Point, SceneJoint
 from cmsreduce.write.export.mbdyn_input import MbdynInput, Place, matrix, real, vector
 
 __all__ = ["add_ground", "add_joint", "ends", "joint_motion"]
 
-_FIRST_ROTATION = 3
 _MOTIONS = frozenset(range(6))
 # Axis 3 of an element that turns about one axis is the axis 0..2 of the joint.
 _AXIS_LAST = ((1, 2, 0), (2, 0, 1), (0, 1, 2))
@@ -36,15 +36,16 @@ def _axes_now(placed: SceneJoint, first: Place, second: Place) -> Array:
 def _hinge_axis(placed: SceneJoint) -> int | None:
     """Axis 0..2 of a joint that leaves one rotation free, and nothing else."""
     free = sorted(_MOTIONS - set(placed.locked[0]))
-    return free[0] - _FIRST_ROTATION if len(placed.locked) == 1 and free in ([3], [4], [5]) else None
+    return free[0] - FIRST_ROTATION if len(placed.locked) == 1 and free in ([3], [4], [5]) else None
 
 
 def add_joint(deck: MbdynInput, placed: SceneJoint) -> None:
     """Add a hinge if one rotation is free, else the locked motions of each pair of nodes, with springs and inertias."""
     axis = _hinge_axis(placed)
+    _refuse_turned_cross(placed)
     for k, locked in enumerate(placed.locked):
         first, second, gap = ends(deck, placed, k)
-        if any(dof >= _FIRST_ROTATION for dof in locked):
+        if any(dof >= FIRST_ROTATION for dof in locked):
             _require_slopes(placed, first, second)
         # Motions start from zero: where the second point is now, with the axes as they are now.
         start, now = first.moved(gap), _axes_now(placed, first, second)
@@ -56,6 +57,18 @@ def add_joint(deck: MbdynInput, placed: SceneJoint) -> None:
             text = f"revolute hinge, {_end(start, placed.first_axes, order)}, {_end(second, now, order)}"
         deck.element("joint", _label(deck, placed, k), text)
     _add_elements(deck, placed)
+
+
+def _refuse_turned_cross(placed: SceneJoint) -> None:
+    """Refuse two free rotations after a turn about the later axis: the total joint locks another rotation then."""
+    turning = sorted(dof for dof in placed.joint.free if dof >= FIRST_ROTATION)
+    if len(turning) == 2 and placed.values[turning[1]]:
+        later = DOF_NAMES[turning[1]]
+        raise WriteError(
+            f"joint '{placed.joint.name}': two rotations are free, and the configuration turns it about {later}; "
+            "MBDyn's total joint would lock another rotation there than a universal joint. Export a configuration with "
+            f"{later} at zero, or take `mbdyn` out of write.formats"
+        )
 
 
 def _require_slopes(placed: SceneJoint, *points: Place) -> None:
@@ -72,7 +85,7 @@ def _total_end(point: Place, axes: Array) -> str:
 def _constraints(locked: tuple[int, ...]) -> str:
     """Motions that a total joint holds at zero."""
     words = ""
-    for name, first in (("position", 0), ("orientation", _FIRST_ROTATION)):
+    for name, first in (("position", 0), ("orientation", FIRST_ROTATION)):
         held = ["active" if first + k in locked else "inactive" for k in range(3)]
         if "active" in held:
             words += f", {name} constraint, {', '.join(held)}, null"
@@ -82,7 +95,7 @@ def _constraints(locked: tuple[int, ...]) -> str:
 def _add_elements(deck: MbdynInput, placed: SceneJoint) -> None:
     """Springs and dampers, without force in the configuration, and inertias, which turn with the first interface."""
     joint = placed.joint
-    turning = [dof for dof in joint.free if dof >= _FIRST_ROTATION]
+    turning = [dof for dof in joint.free if dof >= FIRST_ROTATION]
     acting = [element for element in joint.elements if element.stiffness or element.damping]
     about = [element for element in acting if element.dof in turning and len(turning) == 1]
     for element in about:
@@ -101,7 +114,7 @@ def _add_elements(deck: MbdynInput, placed: SceneJoint) -> None:
     diagonal = np.zeros(3)
     for element in joint.elements:
         if element.inertia:
-            diagonal[element.dof - _FIRST_ROTATION] = element.inertia
+            diagonal[element.dof - FIRST_ROTATION] = element.inertia
     if diagonal.any():
         first = deck.of_interface(joint.first)
         axes = placed.first_axes @ first.frame.axes.T
@@ -117,7 +130,7 @@ def _add_torsion(deck: MbdynInput, placed: SceneJoint, element: JointElement) ->
     """A spring about the only axis that turns, which may turn by any angle."""
     first, second, gap = ends(deck, placed)
     _require_slopes(placed, first, second)
-    order = _AXIS_LAST[element.dof - _FIRST_ROTATION]
+    order = _AXIS_LAST[element.dof - FIRST_ROTATION]
     one = _end(first.moved(gap), placed.first_axes, order)
     other = _end(second, _axes_now(placed, first, second), order)
     law = f"linear viscoelastic, {real(element.stiffness)}, {real(element.damping)}"
@@ -135,7 +148,7 @@ def add_ground(deck: MbdynInput, point: Point) -> None:
     for k in range(face.node.size):
         place, axes = deck.of_interface(point, k), face.node_frame(k)
         held = tuple(sorted({max(component - 1, 0) for component in face.components[k]}))
-        if any(dof >= _FIRST_ROTATION for dof in held):
+        if any(dof >= FIRST_ROTATION for dof in held):
             place.require_slope(f"ground at {point}")
         turned = matrix((axes @ place.body.placement.rotation.T).T)
         there = f"position, {vector(place.in_scene)}, position orientation, {turned}, rotation orientation, {turned}"
@@ -145,7 +158,7 @@ def add_ground(deck: MbdynInput, point: Point) -> None:
 
 def joint_motion(deck: MbdynInput, placed: SceneJoint, dof: int, *, rate: bool) -> str:
     """Drive of a motion of a joint since the start, or of its rate: the second side against the first."""
-    turns = dof >= _FIRST_ROTATION
+    turns = dof >= FIRST_ROTATION
     what = "vw"[turns] if rate else "pr"[turns]
     axis = "z" if _hinge_axis(placed) is not None else "xyz"[dof % 3]
     return f'element, {_label(deck, placed, 0)}, joint, string, "{what}{axis}", direct'
