@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.errors import ConfigError, MatrixError
+from cmsreduce.errors import ConfigError, MatrixError, SingularInterfaceError
 from cmsreduce.linalg.blocks import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import (
@@ -213,16 +213,22 @@ class Reduction(ABC):
         """The mode set at each corner of the body's parameters, with the values in words."""
         found = []
         for values in body.corners:
-            there, label = body.undamped_at(values), parameter_label(values)
-            if there is body:
-                continue
+            label = parameter_label(values)
             try:
+                if (there := body.undamped_at(values)) is body:
+                    continue
                 own = rigid_at(body, values, rigid)
                 basis = self.basis(there, _i_set(there, interface), own, _loads(there, loads))
                 basis = self._also_damped(basis, there, own)
                 found.append((label, basis.enriched() if enriched else basis.modes))
             except MatrixError as error:
                 raise MatrixError(f"with {label}: {error}") from None
+            except SingularInterfaceError as error:
+                # The body without parameters has passed: it is they that take its stiffness.
+                raise SingularInterfaceError(
+                    f"with {label} body '{body.name}' buckles: the parameters take more stiffness than it has there. "
+                    f"Check the sign of their matrices, their values and `unit:` ({error})"
+                ) from None
         return found
 
     def _refuse_empty(self, body: FEModel, modes: ModeSet) -> None:

@@ -438,3 +438,16 @@ def test_a_joint_without_its_spring_is_free(varied: tuple[Path, Dense]) -> None:
 def test_values_that_agree_in_their_names_are_refused(string: Path) -> None:
     with pytest.raises(CmsReduceError, match="two configurations are named 'preload=20000'"):
         open_run(string, ["scene.parameters.preload.values=[20000.001, 20000.002]"])
+
+
+@pytest.mark.parametrize(
+    ("preload", "message"),
+    [
+        ("-200", r"with preload=-200000 body 'string' buckles: .*Check the sign"),
+        ("-2000", r"with preload=-2e\+06: body"),
+    ],
+)
+def test_a_compression_that_buckles_the_body_is_named(string: Path, preload: str, message: str) -> None:
+    run = open_run(string, [f"scene.parameters.preload.values=[0, {preload} kN]"])
+    with pytest.raises(CmsReduceError, match=message):
+        _ = run.model
