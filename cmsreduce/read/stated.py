@@ -153,6 +153,8 @@ class StatedNodes(NamedTuple):
         All plates.
     links : (q, 2) int64, optional
         Pairs of nodes that bars and springs alone couple.
+    led : (N,) int64, optional
+        Position of the node that each node without rows follows rigidly; -1 for none.
     """
 
     stiffness: sp.csr_array
@@ -163,6 +165,7 @@ class StatedNodes(NamedTuple):
     barred: NDArray[np.bool_]
     plates: StatedPlates | None = None
     links: NDArray[np.int64] | None = None
+    led: NDArray[np.int64] | None = None
 
 
 class StatedEnergy(NamedTuple):

@@ -110,7 +110,7 @@ def of_plates(body: FEModel, stated: StatedNodes, rows: Indices, judged: Flags) 
     """
     plates = stated.plates
     assert plates is not None and body.nodes is not None
-    fields = fields_of_plates(body, plates, rows, judged)
+    fields = fields_of_plates(body, plates, rows, judged, stated.led)
     edges = _edges(fields, plates, body.nodes)
     uneven = np.bincount(fields.field, uneven_plates(plates, body.nodes)[fields.plate], fields.count) > 0
     forces = _forces(body, stated, rows, fields, edges)

@@ -101,15 +101,23 @@ class PlateFields:
         return self.corners.plate[self.corner]
 
 
-def fields_of_plates(body: FEModel, plates: StatedPlates, rows: Indices, judged: Flags) -> PlateFields:
+def fields_of_plates(
+    body: FEModel, plates: StatedPlates, rows: Indices, judged: Flags, led: Indices | None = None
+) -> PlateFields:
     """Fields about the nodes (N,) that are judged, with all plates at known dofs.
 
-    ``rows`` are the rows of the matrices at nodes.
+    ``rows`` are the rows of the matrices at nodes, ``led`` the nodes (N,) that nodes without rows follow, or -1.
     """
     assert body.nodes is not None
     nodes = body.nodes
     corners = _corners(plates, len(nodes))
     complete, known = _motions_known(body, rows, plates, corners)
+    if led is not None:
+        followers = (led >= 0) & plates.touch(np.ones(len(plates.flat), dtype=bool), led.size)
+        # Both are at rest.
+        known = known | followers
+        complete = complete.copy()
+        complete[led[followers]] = False
     # A plate at an unknown dof may give its stiffness to others.
     lost = np.any((plates.corners >= 0) & ~known[plates.corners], axis=1)
     flat, fold = _folds(plates, corners, len(nodes))
@@ -222,7 +230,9 @@ def _candidates(
     across = np.concatenate([np.cross(n[keep_left], left[keep_left]), np.cross(right[keep_right], n[keep_right])])
     # Two lines show all plates of even shapes.
     crossed = np.bincount(node[mine[on]], minlength=len(nodes)) >= 4
-    crossed &= ~plates.touch(uneven_plates(plates, nodes), len(nodes))
+    # Beside a support one side of a line may not move.
+    held = np.any((plates.corners >= 0) & ~complete[plates.corners], axis=1)
+    crossed &= ~plates.touch(uneven_plates(plates, nodes) | held, len(nodes))
     at = np.flatnonzero(judged & flat & ~crossed)
     first, second = _supports(plates, corners, at, complete)
     axes = plates.axes[corners.plate[corners.start[at]]]

@@ -75,14 +75,22 @@ def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNode
     constraints, others = _named(elements, elements.constraints), _named(elements, _cards(elements, _UNKNOWN))
     tied = _joined(constraints)
     # A node without rows gives the stiffness of its elements to those around it, or to nodes of its constraint.
-    next_to_led = [part[~moving[part].all(axis=1)].ravel() for part in own]
+    rigid = _rigidly_led(elements, moving, constraints)
+    at_rest = [moving] * len(own)
+    if plates is not None:
+        # Plates are compared by motions that leave such a node at rest with the one that leads it.
+        at_rest[-1] = moving | (rigid >= 0)
+    next_to_led = [part[~there[part].all(axis=1)].ravel() for part, there in zip(own, at_rest, strict=True)]
     known = _joined([bar.nodes for bar in exact] + [at // 6 for _, at in springs])
     unknown = _joined([*loose, elements.loose_bars.ravel(), *unlike, *beside, *next_to_led, tied, *others])
     found = sum_at_nodes(count, forces, stiffness, known, unknown, every_bar.ravel(), plates)
+    if found is None:
+        return None
+    found = found._replace(led=rigid)
     led = moving.copy()
     led[tied] = True
     # One that no constraint moves is condensed: it couples all around it.
-    if found is None or not all(led[part].all() for part in own):
+    if not all(led[part].all() for part in own):
         return found
     return found._replace(links=_links(elements, exact, springs, shapes, constraints, [*beside, *others]))
 
@@ -104,6 +112,22 @@ def _named(elements: Elements, tables: Sequence[CardTable]) -> list[Indices]:
             at = elements.nodes.index(sorted(numbers))
             found.append(np.asarray(at[at >= 0]))
     return [each for each in found if each.size]
+
+
+def _rigidly_led(elements: Elements, moving: NDArray[np.bool_], constraints: list[Indices]) -> Indices:
+    """Position of the node that leads each node (N,) in all motions, by an RBE2; -1 for none.
+
+    The leading node has rows or supports, and no other constraint names the node that follows.
+    """
+    lead = np.full(len(moving), -1)
+    named = np.bincount(_joined(constraints), minlength=len(moving))
+    for card in elements.cards.get("RBE2", ()):
+        # Behind the node that leads stand its components.
+        numbers = [int(text) for k, text in enumerate(card.fields[1:]) if k != 1 and text.isdigit()]
+        at = elements.nodes.index(numbers)
+        if (at >= 0).all() and moving[at[0]] and set("123456") <= set(card.text(2)):
+            lead[at[1:][~moving[at[1:]] & (named[at[1:]] == 1)]] = at[0]
+    return lead
 
 
 def _links(
