@@ -49,7 +49,7 @@ def visible(system: str) -> None:
         run = opened(system, Path(folder))
         model, omega, (frf, decibel) = run.joined(run.ranked).assembled, decibel_grid(run.scene.band), LIMITS[system]
         for configuration in run.scene.configurations:
-            target, at = run.comparison.target(configuration, omega), model.system(configuration)
+            target, at = run.comparison.reference.target(configuration, omega), model.system(configuration)
             w, Phi, _ = model.every_mode(configuration)
             damping = np.zeros(w.size) if at.D is None else np.einsum("ij,ij->j", Phi, at.D @ Phi)
             C = at.C1 @ Phi + 1j * omega[:, None, None] * (at.C2 @ Phi)
@@ -96,7 +96,8 @@ def balanced(system: str, sizes: list[int]) -> None:
         run = opened(system, Path(folder))
         model, omega = run.joined(run.ranked).assembled, decibel_grid(run.scene.band)
         for configuration in run.scene.configurations:
-            target, all_of_it = run.comparison.target(configuration, omega), elastic_states(model.system(configuration))
+            target = run.comparison.reference.target(configuration, omega)
+            all_of_it = elastic_states(model.system(configuration))
             A, B, C = all_of_it.A, all_of_it.B, all_of_it.C
             driven, seen = B * target.column, (C * target.row[:, None]).T
             W, V = (la.solve_continuous_lyapunov(a, -f @ f.T) for a, f in ((A, driven), (A.T, seen)))

@@ -131,8 +131,8 @@ class Greedy:
         rate = wiring.C2.any(axis=1)
         assert not (rate & wiring.C1.any(axis=1)).any()
         unit = np.where(rate[:, None], 1j * omega[:, None, None], 1.0)
-        target = run.comparison.target(configuration, band)
-        on_bode = run.comparison.target(configuration, bode)
+        target = run.comparison.reference.target(configuration, band)
+        on_bode = run.comparison.reference.target(configuration, bode)
         H = np.concatenate([target.elastic + target.rigid, on_bode.elastic + on_bode.rigid])
         scale, step = target.row[:, None] * target.column, np.diff(band)
         trapezoid = ((np.r_[0, step] + np.r_[step, 0]) / 2)[:, None, None]
