@@ -108,7 +108,7 @@ def frf_error(omega: Array, H: Response, H_r: Response, row: Array, column: Arra
     return float(np.sqrt(miss / size))
 
 
-def db_errors(H: Response, H_r: Response, row: Array, column: Array) -> Array:
+def db_errors(H: Response, H_r: Response, row: Array, column: Array, judged: NDArray[np.bool_] | bool = False) -> Array:
     """Difference in decibels of the reduced response from the reference, channel by channel.
 
     Parameters
@@ -117,6 +117,9 @@ def db_errors(H: Response, H_r: Response, row: Array, column: Array) -> Array:
         Responses with their rigid-body part, on `decibel_grid`.
     row, column : float64
         From `channel_scales`.
+    judged : (outputs, inputs) bool, optional
+        Channels that are not silent in the elastic response. At the lower end of the band, rigid motion in others is so
+        large that a stretch or a bending angle would be silent beside it.
 
     Returns
     -------
@@ -124,7 +127,7 @@ def db_errors(H: Response, H_r: Response, row: Array, column: Array) -> Array:
         99th percentile over the grid of |20 log10(|H_r| / |H|)|; NaN for channels silent beside the strongest of their
         unit.
     """
-    loud = loud_channels(H, row, column)
+    loud = loud_channels(H, row, column) | judged
     tiny = np.finfo(float).tiny
     full, reduced = (np.maximum(abs(X[:, loud]), tiny) for X in (H, H_r))
     found = np.full(loud.shape, np.nan)
@@ -133,9 +136,9 @@ def db_errors(H: Response, H_r: Response, row: Array, column: Array) -> Array:
     return found
 
 
-def db_error(H: Response, H_r: Response, row: Array, column: Array) -> float:
+def db_error(H: Response, H_r: Response, row: Array, column: Array, judged: NDArray[np.bool_] | bool = False) -> float:
     """Largest of `db_errors`: that of the worst channel; 0 without a channel."""
-    return float(np.nanmax(db_errors(H, H_r, row, column), initial=0.0))
+    return float(np.nanmax(db_errors(H, H_r, row, column, judged), initial=0.0))
 
 
 def loud_channels(H: Response, row: Array, column: Array, omega: Array | None = None) -> NDArray[np.bool_]:

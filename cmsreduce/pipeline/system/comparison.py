@@ -224,7 +224,7 @@ class Comparison:
         reduced_db = model.assembled.responses(configurations, [self.reference.decibel_grid] * len(configurations))
         found = []
         for k, (target, H_r) in enumerate(zip(targets, responses, strict=True)):
-            in_db = db_errors(full_db[k], reduced_db[k], target.row, target.column)
+            in_db = db_errors(full_db[k], reduced_db[k], target.row, target.column, target.loud)
             errors = model_errors(self.reference, target, model, H_r, in_db, each * target.omega.size, damped=damped)
             found.append((errors, H_r))
         return found, seconds

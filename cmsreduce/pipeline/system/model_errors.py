@@ -15,7 +15,6 @@ from cmsreduce.verify import (
     channel_errors,
     frac,
     frf_error,
-    loud_channels,
     pair_complex_modes,
     pair_frequencies,
     peak_errors,
@@ -61,13 +60,12 @@ def model_errors(
         Pair the complex modes, too, for the errors of damping ratios.
     """
     configuration, omega, H = target.configuration, target.omega, target.elastic
-    row, column = target.row, target.column
     alone = _share_alone(reference, configuration, model)
     false = alone > 0
     responding = target.responding | false
     # In a channel that responds in neither model, both responses are rounding.
     elastic = np.where(responding, H_r - model.assembled.rigid_response(configuration, omega), 0.0)
-    loud = loud_channels(H, row, column, omega) | false
+    loud = target.loud | false
     pairs, mac = _pairs(reference, configuration, model)
     shape, peak = frac(H, elastic), peak_errors(H, elastic)
     shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)

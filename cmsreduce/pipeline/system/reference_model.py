@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.model import Configuration, FEModel, ModalComponent, Scene
 from cmsreduce.pipeline.store import once
 from cmsreduce.pipeline.system.assembled import AssembledModel
-from cmsreduce.verify import channel_scales, decibel_grid, responding_channels
+from cmsreduce.verify import channel_scales, decibel_grid, loud_channels, responding_channels
 
 __all__ = ["ReferenceModel", "Target"]
 
@@ -50,6 +50,11 @@ class Target:
     row: Real
     column: Real
     responding: NDArray[np.bool_]
+
+    @property
+    def loud(self) -> NDArray[np.bool_]:
+        """Channels (outputs, inputs) whose elastic response is not silent beside the strongest one."""
+        return loud_channels(self.elastic, self.row, self.column, self.omega)
 
 
 class ReferenceModel:

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import Configuration
 from cmsreduce.pipeline.system.assembled import AssembledModel
-from cmsreduce.verify import bent_intervals, channel_scales, db_error, frf_error, responding_channels
+from cmsreduce.verify import (
+    bent_intervals,
+    channel_scales,
+    db_error,
+    frf_error,
+    loud_channels,
+    responding_channels,
+)
 
 __all__ = ["Screen"]
 
@@ -65,7 +72,8 @@ class Screen:
                 order = np.argsort(omega)
                 both = [np.concatenate(pair)[order] for pair in zip(H, H_more, strict=True)]
                 elastic, elastic_r, scales = self._elastic(each, responding, omega[order], both, model)
-                found.append((frf_error(omega[order], elastic, elastic_r, *scales), db_error(*H, *scales)))
+                loud = loud_channels(elastic, *scales, omega[order])
+                found.append((frf_error(omega[order], elastic, elastic_r, *scales), db_error(*H, *scales, loud)))
         return np.array(found).reshape(-1, 2)
 
     def _responses(

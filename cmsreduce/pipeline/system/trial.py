@@ -65,8 +65,9 @@ class Trial:
         self.size = 1 / power.sum() if power.any() else 0.0
         self.weight = _trapezoid(target.omega) * self.size
         self.total = target.elastic + target.rigid
-        self.loud = loud_channels(target.elastic, target.row, target.column, target.omega)
-        self.loud_db = loud_channels(self.full_db, target.row, target.column) if self.points_db.size else self.loud
+        self.loud = self.loud_db = target.loud
+        if self.points_db.size:
+            self.loud_db = self.loud | loud_channels(self.full_db, target.row, target.column)
         self.hardest = np.argsort(-power, kind="stable")[:_HARDEST]
         self.hardest_db = np.empty(0, dtype=np.int64)
 
@@ -111,7 +112,7 @@ class Trial:
 
     def db_errors(self, in_db: Complex) -> Array:
         """Decibel errors of the channels (outputs, inputs)."""
-        return db_errors(self.full_db, in_db, self.target.row, self.target.column)
+        return db_errors(self.full_db, in_db, self.target.row, self.target.column, self.loud)
 
     def failed(self, H: Complex) -> None:
         """Remember the frequencies with the largest errors: the next selection probably fails there."""

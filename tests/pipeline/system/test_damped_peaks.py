@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.assemble import modal_substructure
-from cmsreduce.model import Configuration, Damping, FEModel, JointElement, ModalComponent, Scene
+from cmsreduce.model import Channel, Configuration, Damping, FEModel, JointElement, ModalComponent, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.pipeline.system.comparison import Comparison
@@ -27,7 +27,7 @@ HERE = Configuration("as built")
 FLAT = Section(Iy=1e-6)
 
 
-def hinged(drag: float) -> tuple[Comparison, ReducedModel]:
+def hinged(drag: float, *sensors: Channel) -> tuple[Comparison, ReducedModel]:
     law = Damping(modal=0.003)
     bodies = {
         body.name: body
@@ -37,7 +37,8 @@ def hinged(drag: float) -> tuple[Comparison, ReducedModel]:
         )
     }
     hinge = joint("hinge", "near.b", "far.a", "rz", elements=(JointElement(5, 0.0, drag),))
-    scene = Scene(tuple(bodies), BAND, (hinge,), actuators=(at("near.a", "y"),), sensors=(at("far.b", "y"),))
+    push, sensors = at("near.a", [1, 1, 0, 0, 0, 0]), sensors or (at("far.b", "y"),)
+    scene = Scene(tuple(bodies), BAND, (hinge,), actuators=(push,), sensors=sensors)
 
     def reduced(cutoff_hz: float) -> tuple[AssembledModel, dict[str, ModalComponent]]:
         parts = {name: orthogonalise(CraigBampton(cutoff_hz).reduce(body, ends(body))) for name, body in bodies.items()}

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from cmsreduce.pipeline.system.model_errors import _frf_error, _share_alone
+from tests.assemble.rigs import at, strut
+from tests.pipeline.system.test_damped_peaks import HERE, hinged
 
 FEW = np.array([1.0, 2.0, 3.0])
 REACH = np.array([4.0, 2.0, 1e-3])[:, None, None] * np.ones((3, 2, 1))
@@ -31,3 +33,21 @@ def test_the_share_is_the_error_of_a_unit_that_is_silent_otherwise() -> None:
     target = SimpleNamespace(omega=np.array([1.0, 2.0]), elastic=H, row=np.array([1.0, 0.0]), column=np.ones(1))
     measured = [_frf_error(target, H_r, np.array([[0.0], [share]])) for share in (0.3, 2e-6)]  # type: ignore[arg-type]
     assert measured == pytest.approx([0.3, 0.01])
+
+
+def test_a_stretch_beside_rigid_motion_has_a_decibel_error() -> None:
+    """A thousandth of the band's top makes rigid motion a million times as large as at the top; a stretch stays."""
+    comparison, model = hinged(1.0, at("far.b", "y"), strut("near.a", "near.b"))
+    (result,) = comparison.at([HERE], {"reduced": model})
+    errors = result.errors["reduced"]
+    assert errors.loud is not None and errors.loud.all()
+    w = comparison.reference.decibel_grid
+    H, H_r = (abs(m.response(HERE, w)[:, 1, 0]) for m in (comparison.reference.assembled, model.assembled))
+    assert H.max() < 1e-7 < abs(result.response.full[:, 0, 0]).max() / 1e7
+    expected = np.percentile(abs(20 * np.log10(H_r / H)), 99)
+    assert expected > 1e-4 and errors.channel_db[1, 0] == pytest.approx(expected, rel=1e-9)
+    (screened,) = comparison.screened([HERE], model)
+    assert screened[1] == pytest.approx(errors.db_error, rel=1e-6)
+    worse = SimpleNamespace(assembled=model.assembled.narrowed({"near": np.arange(8)}))
+    (screened,) = comparison.screened([HERE], worse)  # type: ignore[arg-type]
+    assert np.isfinite(screened).all() and screened[1] > 10 * errors.db_error
