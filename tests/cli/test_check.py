@@ -144,6 +144,7 @@ CHANGES = {
     "frequency": ("modes/omega", stiffer, "frequencies", "0.01 (limit 0.0001) - mode 4:"),
     "shape": ("dofs/shapes", mixed, "mode shapes", "- mode 3 at"),
     "integral": ("integrals/int_phi", lambda v: v + 0.1, "modal integrals", "of int_phi"),
+    "damping": ("modes/damping", lambda v: 1.1 * v, "damping", "0.1 (limit 0.001) - of damping"),
     "second order": ("integrals/phi_phi", lambda v: v + 0.1, "modal integrals", "0.1 (limit 0.001) - of phi_phi"),
 }
 
@@ -208,6 +209,20 @@ def test_a_tolerance_lets_a_change_pass(finished: Path, copied: Path) -> None:
     edited(copied / "arm.h5", "modes/omega", stiffer)
     result = call("check", copied, "--baseline", finished, "--tolerance", "frequency=0.02")
     assert result.exit_code == 0, result.stdout
+
+
+def test_what_is_no_longer_there_is_a_change(finished: Path, copied: Path) -> None:
+    """A configuration that the run left out, and an error that it did not measure, without a limit of its own."""
+    summary = copied / "summary.json"
+    facts = json.loads(summary.read_text())
+    (name,) = [facts["system"].pop()["name"]]
+    facts["figures"]["db_error"]["value"] = None
+    summary.write_text(json.dumps(facts))
+    result = call("check", copied, "--baseline", finished, "--tolerance", "errors=0.01")
+    assert result.exit_code == 1
+    assert line_of(result, "baseline: configurations lost or new").endswith(f"1 (limit 0) - lost {name}")
+    line = line_of(result, "baseline: growth of db_error")
+    assert line.startswith("FAIL") and "not measured, was" in line
 
 
 def test_modes_lost_are_named_by_their_frequencies(finished: Path, good_study: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Stored results, and the changes between two of them: frequencies, shapes, mass, integrals, kept modes."""
+"""Stored results, and the changes between two of them: frequencies, shapes, mass, integrals, damping, kept modes."""
 
 from __future__ import annotations
 
@@ -40,6 +40,10 @@ _INTEGRALS: Mapping[str, tuple[tuple[int, ...], str]] = {
     "r_phi": ((2,), "inertia"),
     "phi_phi": ((2, 3), "one"),
 }
+# Forces by rates, and the power of the frequency in them for a given ratio of damping or loss factor.
+_DAMPING: Mapping[str, float] = {"damping": 1.0, "gyroscopic": 1.0, "loss": 2.0}
+# Ratio of damping that is round-off of a damping matrix.
+_UNDAMPED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,15 +171,21 @@ def compare(old: StoredResult, new: StoredResult, tolerances: Tolerances) -> lis
     findings = []
     if old.summary is not None and new.summary is not None:
         findings += list(_run(old.summary, new.summary, tolerances))
-        gone, come = (sorted(set(a.names) - set(b.names)) for a, b in ((old, new), (new, old)))
-        words = "; ".join(f"{what} {', '.join(names)}" for what, names in (("lost", gone), ("new", come)) if names)
-        findings.append(Finding("baseline: components lost or new", float(len(gone) + len(come)), 0.0, words))
+        findings.append(_lost_or_new("components", old.names, new.names))
+        rows = ([row["name"] for row in facts.get("system", [])] for facts in (old.summary, new.summary))
+        findings.append(_lost_or_new("configurations", *rows))
     for name in common:
         findings += [
             replace(found, name=f"baseline: {found.name}", subject=name)
             for found in _component(_modes(old, name), _modes(new, name), tolerances)
         ]
     return findings
+
+
+def _lost_or_new(what: str, old: Sequence[str], new: Sequence[str]) -> Finding:
+    gone, come = (sorted(set(a) - set(b)) for a, b in ((old, new), (new, old)))
+    words = "; ".join(f"{how} {', '.join(names)}" for how, names in (("lost", gone), ("new", come)) if names)
+    return Finding(f"baseline: {what} lost or new", float(len(gone) + len(come)), 0.0, words)
 
 
 def _modes(result: StoredResult, name: str) -> Modes:
@@ -189,10 +199,12 @@ def _modes(result: StoredResult, name: str) -> Modes:
 def _run(old: Mapping[str, Any], new: Mapping[str, Any], tolerances: Tolerances) -> Iterator[Finding]:
     was, now = ({name: each["value"] for name, each in facts["figures"].items()} for facts in (old, new))
     for key in was:
-        if was[key] is not None and now.get(key) is not None:
-            grown = max(now[key] - was[key], 0.0)
-            note = f"{now[key]:.4g}, was {was[key]:.4g}"
-            yield Finding(f"baseline: growth of {key}", grown, tolerances.errors, note)
+        if was[key] is None:
+            continue
+        known = now.get(key) is not None
+        grown = max(now[key] - was[key], 0.0) if known else float("nan")
+        note = f"{f'{now[key]:.4g}' if known else 'not measured'}, was {was[key]:.4g}"
+        yield Finding(f"baseline: growth of {key}", grown, tolerances.errors, note)
     before = {row["name"]: row["frequencies_hz"] for row in old.get("system", [])}
     worst, note, shared = 0.0, "", False
     for row in new.get("system", []):
@@ -227,6 +239,7 @@ def _component(old: Modes, new: Modes, tolerances: Tolerances) -> Iterator[Findi
         worst = float((1 - pairs.mac).max(initial=0.0))
         yield Finding("mode shapes", worst, tolerances.shape, _worst_shape(pairs, new_hz))
     yield from _integrals(old_file, new_file, pairs, tolerances)
+    yield from _damping(old_file, new_file, pairs, tolerances)
 
 
 def _common_shapes(old: ComponentFile, new: ComponentFile) -> tuple[Array, Array]:
@@ -256,6 +269,25 @@ def _integrals(old: ComponentFile, new: ComponentFile, pairs: ModePairing, toler
         worst = max(changed, key=lambda name: changed[name])
         note = f"of {worst}" if changed[worst] else ""
         yield Finding("modal integrals", changed[worst], tolerances.integrals, note)
+
+
+def _damping(old: ComponentFile, new: ComponentFile, pairs: ModePairing, tolerances: Tolerances) -> Iterator[Finding]:
+    """Change of damping, gyroscopic forces and loss factor over the paired modes, relative to the largest ratio."""
+    omega, changed = old.omega[pairs.old + old.rigid_count], {}
+    for name, power in _DAMPING.items():
+        if any(f"modes/{name}" in file.arrays for file in (old, new)):
+            scale = omega ** (-0.5 * power)
+            ratios = [
+                file.arrays.get(f"modes/{name}", np.zeros((file.omega.size,) * 2))[
+                    np.ix_(at + file.rigid_count, at + file.rigid_count)
+                ]
+                * np.outer(scale, scale)
+                for file, at in ((old, pairs.old), (new, pairs.new))
+            ]
+            largest = max(float(abs(ratios[0]).max(initial=0.0)), _UNDAMPED)
+            changed[name] = integral_change(ratios[0], ratios[1], (0, 1), pairs.turn, largest)
+    worst = max(changed, key=lambda name: changed[name], default="")
+    yield Finding("damping", changed.get(worst, 0.0), tolerances.damping, f"of {worst}" if changed.get(worst) else "")
 
 
 def _over_pairs(file: ComponentFile, name: str, axes: Sequence[int], elastic: NDArray[np.int64]) -> Array | None:

@@ -32,6 +32,8 @@ class Tolerances:
         moment.
     integrals : float
         Change of a modal integral, relative to the largest value that the body's mass allows for it.
+    damping : float
+        Change of damping ratios, loss factors and gyroscopic forces of kept modes, relative to the largest.
     modes : float
         Kept modes lost and gained.
     errors : float
@@ -42,6 +44,7 @@ class Tolerances:
     shape: float = 1e-2
     mass: float = 1e-6
     integrals: float = 1e-3
+    damping: float = 1e-3
     modes: float = 0.0
     errors: float = math.inf
 
