@@ -111,6 +111,12 @@ def test_convert_and_diff_as_json(finished: Path, tmp_path: Path) -> None:
     assert (quiet.exit_code, quiet.output) == (0, "")
     same = json.loads(call("diff", finished, finished, "--json").stdout)
     assert same["differing"] == [] and same["same"] > 10
+    facts, runs = json.loads((finished / "summary.json").read_text()), []
+    for word in ("FAIL", "not checked"):
+        runs.append(tmp_path / f"{word}.json")
+        runs[-1].write_text(json.dumps(facts | {"passed": False, "verdict": facts["verdict"] | {"word": word}}))
+    (row,) = json.loads(call("diff", *runs, "--json").stdout)["differing"]
+    assert row == {"what": "verdict", "a": "FAIL", "b": "not checked", "change": None}
 
 
 def test_sweep_as_json(finished: Path) -> None:

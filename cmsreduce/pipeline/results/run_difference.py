@@ -79,7 +79,8 @@ def _figures(path: Path) -> dict[str, Any]:
         raise ReadError(f"{path}: there is no summary.json; give the output directory of a finished run")
     try:
         facts: Mapping[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        found: dict[str, Any] = {"passed": facts["passed"]}
+        # A run without limits passes no more than one that breaks them.
+        found: dict[str, Any] = {"passed": facts["passed"], "verdict": (facts.get("verdict") or {}).get("word")}
         found |= {f"worst {name}": value for name, value in (facts["worst"] or {}).items()}
         found |= {f"worst {name}": figure["value"] for name, figure in facts.get("figures", {}).items()}
         for name, part in facts["components"].items():
