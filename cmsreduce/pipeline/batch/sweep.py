@@ -219,14 +219,13 @@ def _batches(points: Sequence[SweepPoint], jobs: int) -> list[tuple[SweepPoint, 
 
 
 def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork, memory: float | None) -> _Outcome:
+    own, started = folder / POINTS_FOLDER / point.folder, time.perf_counter()
+    # A summary of an earlier sweep must not remain beside a point that fails.
+    (own / "summary.json").unlink(missing_ok=True)
     if point.pipeline is None:
         return _Outcome(point, _failed(point, point.message))
-    started = time.perf_counter()
-    own = folder / POINTS_FOLDER / point.folder
     try:
         share_stages(own, folder / STAGES_FOLDER)
-        # A summary of an earlier sweep must not remain beside a point that fails.
-        (own / "summary.json").unlink(missing_ok=True)
         run = Run(point.pipeline, own, Silent(), common=common)
         run.stages.share_memory(memory)
         result = execute(run, path, point.overrides, report=False)

@@ -24,6 +24,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.model import SweepResult
 from cmsreduce.pipeline import Run, execute, reopen, run_result
 from cmsreduce.pipeline.batch import sweep, sweep_axes
+from cmsreduce.pipeline.batch.sweep_points import sweep_points
 from cmsreduce.pipeline.batch.workers import Workers
 from cmsreduce.pipeline.store import cache_entries, clear_cache
 from tests.pipeline.rounding import assert_close
@@ -81,6 +82,20 @@ def test_a_point_that_fails_has_its_reason_and_no_result(swept: tuple[SweepResul
     row = result.rows[2]
     assert "999 modes" in row.message and "elastic modes below the cutoff" in row.message
     assert not (folder / row.folder / "summary.json").exists()
+
+
+def test_a_point_that_became_bad_input_keeps_no_result(good_study: Path, tmp_path: Path) -> None:
+    """A value that an earlier sweep could run, before the pipeline or the program changed."""
+    axes = sweep_axes(["balance.keep={modes: 4},{modes: -4}", ONE_ANGLE])
+    stale = [
+        tmp_path / "points" / point.folder / "summary.json" for point in sweep_points(good_study / "study.yaml", axes)
+    ]
+    for summary in stale:
+        summary.parent.mkdir(parents=True)
+        summary.write_text("{}")
+    result, _ = sweep(good_study / "study.yaml", axes, (), tmp_path)
+    assert [row.status == "failed" for row in result.rows] == [False, True]
+    assert [summary.exists() for summary in stale] == [True, False]
 
 
 def test_what_points_share_is_there_once(swept: tuple[SweepResult, Path]) -> None:
