@@ -10,7 +10,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SingularInterfaceError
-from cmsreduce.linalg.blocks import by_columns, column_blocks, combined, congruence, new_basis, observed, side_by_side
+from cmsreduce.linalg.blocks import (
+    by_columns,
+    combined,
+    congruence,
+    new_basis,
+    observed,
+    row_blocks,
+    side_by_side,
+)
 from cmsreduce.linalg.eigen import beside_modes, certified_modes, count_below
 from cmsreduce.linalg.sparse import BLOCK, HELD, NotPositiveDefiniteError, Solve, factorise, motions_held, part
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
@@ -167,13 +175,31 @@ def _constraint_modes(body: FEModel, interface: Rows, rigid: Array, solve: Solve
         coupling = sp.csc_array(body.K[:, interface])[j]
         # Block by block: the loads of a wide interface would need as much memory as its shapes.
         for first in range(0, interface.size, BLOCK):
-            part = slice(first, first + BLOCK)
-            answer = by_columns(solve(coupling[:, part].toarray()))
-            constraint[j, part] = np.negative(answer, out=answer)
+            columns = slice(first, first + BLOCK)
+            answer = by_columns(solve(coupling[:, columns].toarray()))
+            constraint[j, columns] = np.negative(answer, out=answer)
         # The shapes contain the rigid modes, so that what a solve loses of these is known: much over a long lever, or
         # with the digits of a coarse file.
-        missed = rigid - constraint @ rigid[interface]
-        lost, share = missed[j], la.pinv(rigid[interface], rtol=HELD)
-        for part in column_blocks(interface.size):
-            constraint[j, part] += lost @ share[:, part]
+        missed, share = rigid - constraint @ rigid[interface], la.pinv(rigid[interface], rtol=HELD)
+        for block in row_blocks(j.size, interface.size):
+            part = constraint[j[block]]
+            moves = part != 0
+            if moves.all():
+                part += missed[j[block]] @ share
+            else:
+                _correct_moving(part, moves, missed[j[block]], rigid[interface])
+            constraint[j[block]] = part
     return constraint
+
+
+def _correct_moving(constraint: Array, moves: NDArray[np.bool_], missed: Array, moved: Array) -> None:
+    """Add to some rows of constraint modes, in place, the rigid motion (k, r) that they miss, by modes that move them.
+
+    Rounding in place of an exact zero would give mass, and so a frequency, to the motion of a massless dof between
+    others of the interface.
+    """
+    pattern, group = np.unique(np.packbits(moves, axis=1), axis=0, return_inverse=True)
+    for number, bits in enumerate(np.unpackbits(pattern, axis=1, count=moved.shape[0])):
+        rows, moving = np.flatnonzero(group.ravel() == number), np.flatnonzero(bits)
+        if moving.size:
+            constraint[np.ix_(rows, moving)] += missed[rows] @ la.pinv(moved[moving], rtol=HELD)

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import ConfigError, SingularInterfaceError
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.model import DofTable, FEModel, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, Guyan, reduction
 from tests.frames import frame
@@ -211,3 +211,27 @@ def test_a_mechanism_behind_the_interface_is_named():
 def test_unknown_methods_are_named():
     with pytest.raises(ConfigError, match=r"'macneal' is not available \(there are: craig-bampton, macneal-rubin, "):
         reduction("macneal", 10.0)
+
+
+@pytest.mark.parametrize("cutoff_hz", [0.0, 0.05])
+def test_a_massless_dof_on_a_soft_spring_between_interface_dofs_is_static(cutoff_hz):
+    """A free chain of masses, and on its end a massless point that follows its load without delay.
+
+    Both ends of the soft spring are interface dofs, so that the point moves none of the masses inside the chain.
+    """
+    rng = np.random.default_rng(3)
+    n, soft = 12, 1e-7
+    k = np.append(rng.uniform(0.5, 2.0, n - 1), soft)
+    K = np.diag(np.append(k, 0)) + np.diag(np.append(0, k)) - np.diag(k, 1) - np.diag(k, -1)
+    M = np.diag(np.append(rng.uniform(0.5, 2.0, n), 0.0))
+    dofs = DofTable(np.arange(1, n + 2), np.zeros(n + 1, dtype=np.int64))
+    body = FEModel("chain", sp.csc_array(K), sp.csc_array(M), dofs)
+    modes = orthogonalise(CraigBampton(cutoff_hz).reduce(body, [0, n - 1, n]))
+    assert (modes.rigid_count, modes.static_count) == (1, 1)
+    # The chain alone has the same modes.
+    alone = FEModel("chain", sp.csc_array(K[:n, :n] - np.diag([0] * (n - 1) + [soft])), body.M[:n, :n], dofs[:n])
+    expected = orthogonalise(CraigBampton(cutoff_hz).reduce(alone, [0, n - 1]))
+    np.testing.assert_allclose(modes.omega[modes.elastic], expected.omega[expected.elastic], rtol=1e-12)
+    # A unit load stretches the soft spring by 1 / soft.
+    static = modes.Phi[:, modes.elastic.stop :]
+    np.testing.assert_allclose(static[n] ** 2, [1 / soft], rtol=1e-6)
