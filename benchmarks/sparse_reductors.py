@@ -48,7 +48,7 @@ PEERS = {
     "sobt band": "pyMOR SOBT, 20 ADI steps, shifts in the band",
     "irka": "pyMOR SOR-IRKA",
     "modal": "pyMOR modal truncation, by SAMDP",
-    "modes": "modal truncation, dominant of 60 modes",
+    "modes": "modes by their peaks, of 60: modal truncation",
 }
 # Error that the fixed numbers of shapes aim at.
 GOAL = 0.001
@@ -58,7 +58,7 @@ LIKE = (
     f"Peers start from K, M and D in memory, share a factor of MKL PARDISO, and end after {LIMIT} s; ours start from "
     f"the files, and end below {GOAL:.1%}. SOBT: the best of p, v, pv and fv. SOR-IRKA: 3 iterations, the better of "
     "its model and of a Galerkin projection on its shapes. Krylov: four blocks, cut by strain energy. "
-    "Dominant modes: those of scipy's eigsh, which have the exact poles with this damping, by residue over real part."
+    "Modes: scipy's eigsh, exact poles with this damping; a peak is the residue over the real part."
 )
 STORE = ROOT / "build" / "bench" / "reductors"
 # Damping ratio at two frequencies in Hz, about the first mode and the end of the band. A modal ratio has no sparse D.
