@@ -24,6 +24,7 @@ from tests.beam_chain import write_beam_chain
 from tests.pipeline.study import write_study
 from tests.two_beams import write_two_beams
 
+STRETCH = "scene.sensors.stretch={between: [arm.1, arm.4]}"
 LIMITS = "verify.limits={frf_error: 0.02, db_error: 1.0}"
 
 
@@ -70,6 +71,25 @@ def test_the_responses_are_those_of_the_assembled_reduced_bodies(given: Run) -> 
         errors = result.errors["reduced"]
         assert screened[0] == pytest.approx(errors.frf_error, rel=0.05)
         assert screened[1] == pytest.approx(errors.db_error, rel=1e-6)
+
+
+def test_a_stretch_of_a_floating_body_is_heard_where_it_is_judged(study: Path) -> None:
+    """Rigid motion of the same unit is a million times as large at the lower end of the band."""
+    run = opened(study, "project={responses: {arm: 3, panel: 3}, between: false}", STRETCH)
+    configuration = run.scene.configurations[0]
+    sampled = SampledScene(run.joined(run.kept), run.kept, run.comparison.reference)
+    shapes = {
+        name: run.kept[name].Phi[:, run.kept[name].elastic].T @ (c.body.M @ c.Phi[:, c.elastic])
+        for name, c in run.final.items()
+    }
+    (result,) = run.comparison.at([configuration], {"reduced": run.model})
+    errors = result.errors["reduced"]
+    assert errors.loud is not None and errors.loud[-1].any()
+    (sample,) = sampled.responses([configuration]).samples
+    assert sample.heard[errors.loud].all()
+    _, decibel = sampled.judge(configuration).errors(shapes)
+    assert decibel == pytest.approx(errors.db_error, rel=1e-6)
+    assert decibel == pytest.approx(np.nanmax(errors.channel_db[-1]), rel=1e-6)
 
 
 def test_bodies_keep_their_rigid_motion_and_are_orthonormal_passive_mode_sets(given: Run) -> None:

@@ -134,7 +134,8 @@ class SampledScene:
             target.elastic,
             target.row,
             target.column,
-            loud_channels(target.elastic + target.rigid, target.row, target.column),
+            # As errors in decibels judge them.
+            loud_channels(target.elastic + target.rigid, target.row, target.column) | target.loud,
         )
 
 
@@ -151,6 +152,8 @@ class ScenePoints:
 
     def __init__(self, scene: SceneResponses, decibel: NDArray[np.int64]) -> None:
         self.scene, self.decibel = scene, decibel
+        (sample,) = scene.samples
+        self.loud = loud_channels(sample.elastic, sample.row, sample.column, sample.omega)
 
     def errors(self, shapes: Shapes) -> tuple[float, float]:
         """frf_error and db_error of the bodies in some shapes; infinite where the joints are not independent."""
@@ -163,7 +166,7 @@ class ScenePoints:
         at = self.decibel
         return (
             frf_error(sample.omega, sample.elastic, elastic, sample.row, sample.column),
-            db_error(sample.H[at], H[at], sample.row, sample.column),
+            db_error(sample.H[at], H[at], sample.row, sample.column, self.loud),
         )
 
 
