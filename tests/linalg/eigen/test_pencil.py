@@ -138,3 +138,17 @@ def test_a_spring_lost_in_the_digits_of_a_file_is_no_wrong_sign():
 def test_an_empty_pencil_has_no_modes():
     lam, X = elastic_pairs(np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)))
     assert (lam.size, X.shape) == (0, (0, 0))
+
+
+@pytest.mark.parametrize(("m", "massive"), [(28, 17), (120, 80)])
+def test_unit_modes_beside_massless_shapes_are_told_apart(m, massive):
+    """Modes of unit mass and static shapes, as in a basis with residual shapes: a large eigenproblem rounds more."""
+    w = np.linspace(1.0, 50.0, massive)
+    for seed in range(30):
+        shapes = np.zeros((m, massive))
+        shapes[:massive] = np.eye(massive)
+        shapes[massive:] = 1e-60 * np.random.default_rng(seed).standard_normal((m - massive, massive))
+        K = np.diag(np.append(w**2, np.ones(m - massive)))
+        lam, _, N = elastic_and_massless(K, shapes @ shapes.T, np.empty((m, 0)))
+        assert N.shape[1] == m - massive
+        np.testing.assert_allclose(np.sqrt(lam), w, rtol=1e-12)
