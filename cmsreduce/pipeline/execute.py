@@ -163,9 +163,12 @@ def _outputs(run: Run, due: Collection[str], report: bool) -> Iterator[Path]:
         yield from unit_paths(run.folder, len(run.scene.configurations))
     for target in formats:
         if target in TARGETS:
-            yield from (run.folder / f"{name}{TARGETS[target].suffix}" for name in run.flexible_names)
+            for name in run.flexible_names:
+                yield from TARGETS[target].files(run.folder / f"{name}{TARGETS[target].suffix}")
     for program in () if keys is None else keys.targets:
-        yield from (run.folder / program / PROFILES[program].file_name(name) for name in run.flexible_names)
+        chosen = TARGETS[PROFILES[program].target]
+        for name in run.flexible_names:
+            yield from chosen.files(run.folder / program / PROFILES[program].file_name(name))
 
 
 def _inputs(run: Run) -> list[Path]:

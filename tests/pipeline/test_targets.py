@@ -18,6 +18,7 @@ from scipy.io import loadmat
 
 from cmsreduce.cli import main
 from cmsreduce.config.keys.write import _DIALECTS
+from cmsreduce.errors import WriteError
 from cmsreduce.mechanics import lumped_mass
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.write import PROFILES, TARGETS, convert, read_component
@@ -103,6 +104,42 @@ def test_the_name_of_42_is_no_number(opened: Callable[..., Run]) -> None:
 def test_a_folder_takes_the_name_of_the_component(finished_study: Path, tmp_path: Path) -> None:
     written = convert(finished_study / "out" / "arm.h5", tmp_path, "nastran")
     assert {path.name for path in written} == {"arm.op4", "arm.pch", "arm.bdf"} == {p.name for p in tmp_path.iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("options", "name", "beside"),
+    [
+        (("--format", "nastran"), "arm.op4", "arm.bdf"),
+        (("--format", "simscape"), "arm_rom.m", "arm_rom.mat"),
+        (("--for", "42"), "Flex_arm.txt", "Nodes_arm.txt"),
+    ],
+)
+def test_a_file_beside_the_named_one_is_not_replaced(
+    finished_study: Path, tmp_path: Path, options: tuple[str, str], name: str, beside: str
+) -> None:
+    """A deck of the model, say; but what an earlier conversion wrote is made anew."""
+    arguments = ["convert", str(finished_study / "out" / "arm.h5"), str(tmp_path / name), *options]
+    (tmp_path / beside).write_text("of the user")
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2 and f"{tmp_path / beside}: would be replaced" in result.stderr
+    assert (tmp_path / beside).read_text() == "of the user" and len(list(tmp_path.iterdir())) == 1
+    (tmp_path / beside).unlink()
+    for _ in range(2):
+        assert CliRunner().invoke(main, arguments).exit_code == 0
+    assert (tmp_path / beside).is_file()
+
+
+def test_a_run_replaces_no_deck_that_it_reads(opened: Callable[..., Run], study: Path) -> None:
+    """The superelement has a deck of its own, under the name of the body, as the body's deck often has."""
+    deck = study.parent / "arm.bdf"
+    before = deck.read_bytes()
+    for name in ("arm", "panel"):
+        (study.parent / f"{name}.op4").rename(study.parent / f"{name}_full.op4")
+    text = PIPELINE.replace("arm.op4", "arm_full.op4").replace("panel.op4", "panel_full.op4")
+    run = opened("write={formats: [nastran]}", f"output={study.parent}", text=text)
+    with pytest.raises(WriteError, match=r"arm\.bdf: this file is read by the run"):
+        execute(run, study)
+    assert deck.read_bytes() == before
 
 
 def test_a_slash_makes_a_folder(finished_study: Path, tmp_path: Path) -> None:

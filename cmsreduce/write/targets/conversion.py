@@ -12,7 +12,7 @@ from cmsreduce.errors import WriteError, not_among
 from cmsreduce.write.component import ComponentFile, read_component, stored_integrals
 from cmsreduce.write.targets.price import price_of
 from cmsreduce.write.targets.profiles import PROFILES, TargetFiles, profile_files
-from cmsreduce.write.targets.table import TARGETS
+from cmsreduce.write.targets.table import TARGETS, Target
 
 __all__ = ["conversion", "convert"]
 
@@ -82,7 +82,7 @@ def conversion(
         if profile not in PROFILES:
             raise WriteError(not_among("profile", profile, PROFILES))
         path = named / PROFILES[profile].file_name(component.name) if is_folder else named
-        _check_path(path, source)
+        _check_path(path, source, TARGETS[PROFILES[profile].target])
         made = profile_files(component, profile, path.parent, at=at, joints=joints, file=path)
         return _at_zero(made, component)
     if at is not None or joints is not None:
@@ -97,7 +97,7 @@ def conversion(
         known = f"its dialects: {', '.join(chosen.dialects)}" if chosen.dialects else "it has none"
         raise WriteError(f"'{dialect}' is no dialect of {name} ({known})")
     path = named / f"{component.name}{chosen.suffix}" if is_folder else named
-    _check_path(path, source)
+    _check_path(path, source, chosen)
     arguments = [dialect or chosen.dialects[0]] if chosen.dialects else []
     if not chosen.integrals:
         paths = chosen.write(path, component, *arguments) or (path,)
@@ -123,13 +123,24 @@ def _with_integrals(path: Path, component: ComponentFile, target: str, dialect: 
     return TargetFiles(paths, price_of(component, integrals, target, dialect), component)
 
 
-def _check_path(path: Path, source: str | Path) -> None:
+def _check_path(path: Path, source: str | Path, target: Target) -> None:
     if path.suffix.lower() == ".flx":
         raise WriteError(
             f"{path}: .FLX names TREETOPS's own file, whose layout is not public; this one needs another name"
         )
     if path.exists() and path.samefile(source):
         raise WriteError(f"{path}: would replace the component file itself; choose another name")
+    # The user has named one file; those beside it may be of the model itself, such as its deck.
+    beside = [file for file in target.files(path) if file != path and file.exists()]
+    if beside and not any(_begins(file, target.mark) for file in target.files(path)):
+        raise WriteError(f"{beside[0]}: would be replaced by a file beside {path.name}; choose another name")
+
+
+def _begins(path: Path, mark: str) -> bool:
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(mark)) == mark.encode()
 
 
 def _by_name(destination: Path, *, is_folder: bool) -> str:

@@ -13,11 +13,20 @@ from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body, require_mass
 from cmsreduce.write.files import number, put_lines
 
-__all__ = ["write_42"]
+__all__ = ["MARK_42", "files_42", "write_42"]
+
+MARK_42 = "  Flexible Body Inputs for 42  ".center(64, "*")
+"""First line of the file of the modes."""
 
 _MODE_NODE_AXIS = "[Mode] [Node] [Axis] Value"
 _FLEX = "Flex_"
 _NAME = 40  # characters: 42 reads a comment into a fixed buffer of 80
+
+
+def files_42(path: Path) -> tuple[Path, Path]:
+    """Files of the modes and of the nodes: ``Nodes_NAME.txt`` beside ``Flex_NAME.txt``, else ``NAME.nodes.txt``."""
+    named = path.name.startswith(_FLEX)
+    return path, path.with_name(f"Nodes_{path.name.removeprefix(_FLEX)}" if named else f"{path.stem}.nodes.txt")
 
 
 def write_42(
@@ -54,8 +63,7 @@ def write_42(
     """
     body = flexible_body(component, integrals)
     require_mass(body, "42 divides by the modal mass")
-    named = path.name.startswith(_FLEX)
-    nodes = path.with_name(f"Nodes_{path.name.removeprefix(_FLEX)}" if named else f"{path.stem}.nodes.txt")
+    _, nodes = files_42(path)
     put_lines(path, _lines(body, _joints(body, joints)))
     put_lines(nodes, _node_lines(body))
     return path, nodes
@@ -75,7 +83,7 @@ def _node_lines(body: FlexibleBody) -> Iterator[str]:
 
 def _lines(body: FlexibleBody, joints: list[tuple[str, int, int]]) -> Iterator[str]:
     integrals, k = body.integrals, body.k
-    yield _heading("  Flexible Body Inputs for 42  ")
+    yield MARK_42
     yield f"{_word(body.name)} ! Description"
     yield f"{k} ! Number of Flex Modes"
     yield _heading(" Initial Modal States x, u ")

@@ -14,7 +14,10 @@ from cmsreduce.write.component import ComponentFile
 from cmsreduce.write.files import atomic_path, put_lines
 from cmsreduce.write.targets.superelement import Superelement, superelement
 
-__all__ = ["entries", "write_nastran"]
+__all__ = ["NASTRAN_MARK", "entries", "nastran_files", "write_nastran"]
+
+NASTRAN_MARK = "$ Superelement of "
+"""Beginning of the deck."""
 
 _SYMMETRIC = 6  # form of a matrix in OP4 and DMIG
 _LARGEST_ID = 99_999_999  # eight digits, a field of a card
@@ -24,6 +27,11 @@ _BASIC = 1e-12
 _MATRICES = {"K": "KAA", "M": "MAA", "D": "BAA", "loss": "K4AA"}
 _DMIG = {"KAA": "K2GG", "MAA": "M2GG", "BAA": "B2GG", "K4AA": "K42GG"}
 """Case control that adds each matrix to the model."""
+
+
+def nastran_files(path: Path) -> tuple[Path, ...]:
+    """Matrices, DMIG entries and deck of one stem."""
+    return path.with_suffix(".op4"), path.with_suffix(".pch"), path.with_suffix(".bdf")
 
 
 def write_nastran(path: Path, component: ComponentFile) -> tuple[Path, ...]:
@@ -56,11 +64,12 @@ def write_nastran(path: Path, component: ComponentFile) -> tuple[Path, ...]:
     matrices = {name: getattr(body, letter) for letter, name in _MATRICES.items() if getattr(body, letter) is not None}
     labels = [*zip(body.interface.node.tolist(), body.interface.component.tolist(), strict=True)]
     labels += [(point, SCALAR) for point in points]
-    exact, punch, deck = (path.with_suffix(suffix) for suffix in (".op4", ".pch", ".bdf"))
+    exact, punch, deck = nastran_files(path)
+    # First the file with the mark: if the process is killed, the next one knows the others as its own.
+    put_lines(deck, _cards(component, body, points, list(matrices), punch.name))
     with atomic_path(exact) as temporary:
         op4.write(str(temporary), matrices, forms=dict.fromkeys(matrices, _SYMMETRIC))
     put_lines(punch, entries(matrices, labels))
-    put_lines(deck, _cards(component, body, points, list(matrices), punch.name))
     return exact, punch, deck
 
 
@@ -96,7 +105,7 @@ def _cards(
 ) -> Iterator[str]:
     """Interface grids with their frames, scalar points, and the sets that order the rows."""
     node, parts = body.interface.node, body.interface.component
-    yield f"$ Superelement of {component.name}: {len(body.interface)} interface dofs, {len(points)} modal coordinates"
+    yield f"{NASTRAN_MARK}{component.name}: {len(body.interface)} interface dofs, {len(points)} modal coordinates"
     yield f"$ To use it, include {punch} in the bulk data and ask in case control for:"
     for name in matrices:
         yield f"$   {_DMIG[name]} = {name}"

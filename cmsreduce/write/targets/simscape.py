@@ -14,13 +14,21 @@ from cmsreduce.write.files import put_lines
 from cmsreduce.write.targets.state_space import write_matlab
 from cmsreduce.write.targets.superelement import Superelement, framed_superelement
 
-__all__ = ["write_simscape"]
+__all__ = ["SIMSCAPE_MARK", "simscape_files", "write_simscape"]
+
+SIMSCAPE_MARK = "% Reduced Order Flexible Solid of "
+"""Beginning of the script."""
 
 _SIX = 6
 # The rigid motions of the block must cost no energy. Shapes are known to about nine digits.
 _STRAINED = 1e-6
 
 Array = NDArray[np.float64]
+
+
+def simscape_files(path: Path) -> tuple[Path, ...]:
+    """Script and data of one stem."""
+    return path.with_suffix(".m"), path.with_suffix(".mat")
 
 
 def write_simscape(path: Path, component: ComponentFile) -> tuple[Path, ...]:
@@ -65,9 +73,10 @@ def write_simscape(path: Path, component: ComponentFile) -> tuple[Path, ...]:
         "frequency_hz": body.omega / (2 * np.pi),
         "name": component.name,
     }
-    script, arrays = path.with_suffix(".m"), path.with_suffix(".mat")
-    write_matlab(arrays, data)
+    script, arrays = simscape_files(path)
+    # First the file with the mark, as for NASTRAN.
     put_lines(script, _script(component.name, arrays.name, frames))
+    write_matlab(arrays, data)
     return script, arrays
 
 
@@ -108,7 +117,7 @@ def _require_rigid_motions(component: ComponentFile, body: Superelement, origins
 def _script(name: str, arrays: str, frames: dict[str, Array | list[str]]) -> Iterator[str]:
     """MATLAB script that loads the data, checks what the block requires, and says where each array goes."""
     labels = list(frames["frames"])
-    yield f"% Reduced Order Flexible Solid of {name}. Parameters of the block:"
+    yield f"{SIMSCAPE_MARK}{name}. Parameters of the block:"
     yield f"%   Number of Frames {len(labels)}: {', '.join(f'F{n} {label}' for n, label in enumerate(labels, 1))}"
     yield "%   Origins rom.P (m)   Orientations rom.Q (in releases that have them; else use Rigid Transform blocks)"
     yield "%   Stiffness Matrix rom.K   Mass Matrix rom.M   Damping: Damping Matrix rom.D   Units: m, kg, s"

@@ -8,15 +8,15 @@ from pathlib import Path
 
 from cmsreduce.write.targets.extptfm import EXTPTFM_DIALECTS, write_extptfm
 from cmsreduce.write.targets.exudyn import write_exudyn
-from cmsreduce.write.targets.flex42 import write_42
+from cmsreduce.write.targets.flex42 import MARK_42, files_42, write_42
 from cmsreduce.write.targets.fmi import FMI_DIALECTS, write_body_unit
 from cmsreduce.write.targets.mbdyn import write_mbdyn
 from cmsreduce.write.targets.mbsim import write_mbsim
-from cmsreduce.write.targets.nastran import write_nastran
+from cmsreduce.write.targets.nastran import NASTRAN_MARK, nastran_files, write_nastran
 from cmsreduce.write.targets.nodal import write_nodal
 from cmsreduce.write.targets.radioss import write_radioss
 from cmsreduce.write.targets.sid import write_sid
-from cmsreduce.write.targets.simscape import write_simscape
+from cmsreduce.write.targets.simscape import SIMSCAPE_MARK, simscape_files, write_simscape
 from cmsreduce.write.targets.state_space import write_abcd, write_states
 from cmsreduce.write.targets.treetops import write_treetops, write_treetops_h5
 
@@ -39,6 +39,10 @@ class Target:
         True if the writer takes the modal integrals.
     gyroscopic : bool
         True if the format has a place for gyroscopic forces.
+    files : callable of path
+        Every file that ``write`` makes of a path.
+    mark : str
+        Beginning of one of several files, by which they are known as written here.
     """
 
     suffix: str
@@ -46,11 +50,13 @@ class Target:
     dialects: tuple[str, ...] = ()
     integrals: bool = True
     gyroscopic: bool = False
+    files: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
+    mark: str = ""
 
 
 TARGETS: dict[str, Target] = {
-    "nastran": Target(".op4", write_nastran, integrals=False),
-    "42": Target(".42.txt", write_42),
+    "nastran": Target(".op4", write_nastran, integrals=False, files=nastran_files, mark=NASTRAN_MARK),
+    "42": Target(".42.txt", write_42, files=files_42, mark=MARK_42),
     "sid": Target(".SID_FEM", write_sid, ("by-axis", "by-mode", "gr-by-mode", "embs")),
     "mbdyn": Target(".fem", write_mbdyn, ("points", "invariants", "lumped", "first-order")),
     "mbsim": Target(".mbsim.h5", write_mbsim),
@@ -64,6 +70,6 @@ TARGETS: dict[str, Target] = {
     "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False, gyroscopic=True),
     "extptfm": Target("_SE.dat", write_extptfm, EXTPTFM_DIALECTS, integrals=False),
     "radioss": Target("_fxb.pch", write_radioss, integrals=False),
-    "simscape": Target("_rom.m", write_simscape, integrals=False),
+    "simscape": Target("_rom.m", write_simscape, integrals=False, files=simscape_files, mark=SIMSCAPE_MARK),
 }
 """Targets by their name in ``write.formats`` and ``convert --format``; one line registers a format."""
