@@ -11,7 +11,6 @@ from itertools import permutations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.sparse import factorise
@@ -51,6 +50,9 @@ def other_labels(body: FEModel, nodes: Nodes) -> list[tuple[DofTable, str]]:
     given = nodes.xyz[at] - nodes.xyz[at].mean(axis=0)
     size = float(np.sqrt(np.mean(np.sum(given**2, axis=1))))
     arms *= size / np.sqrt(np.mean(np.sum(arms**2, axis=1)))
+    # Imported here: it takes a tenth of a second, and only refusals need it.
+    from scipy.spatial import KDTree
+
     tree, labels = KDTree(given), []
     for axes in permutations(range(3)):
         for sign in (1.0, -1.0):

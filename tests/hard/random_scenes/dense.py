@@ -212,9 +212,18 @@ def dense_system(scene: RandomScene, bodies: dict[str, DenseBody]) -> DenseSyste
         return where[name][0] @ bodies[name].places[label] + where[name][1]
 
     def relative(hinge: Hinge, dof: str) -> np.ndarray:
-        axes = scene.parts[hinge.first[0]].faces[hinge.first[1]].axes @ where[hinge.first[0]][0].T
-        arm = position(hinge.second) - position(hinge.first)
+        first, second = scene.parts[hinge.first[0]], scene.parts[hinge.second[0]]
+        axes = first.faces[hinge.first[1]].axes @ where[hinge.first[0]][0].T
+        turns = [DOFS.index(each) - 3 for each in DOFS[3:] if each in hinge.free]
         k = DOFS.index(dof)
+        if k >= 3 and len(turns) == 2:
+            # A universal joint: the second body carries the earlier axis, and nothing turns about the normal to both.
+            earlier, later = turns
+            built = first.faces[hinge.first[1]].axes @ first.R.T
+            axes[earlier] = built[earlier] @ second.R @ where[hinge.second[0]][0].T
+            normal = np.cross(axes[earlier], axes[later])
+            axes[3 - earlier - later] = normal / np.linalg.norm(normal)
+        arm = position(hinge.second) - position(hinge.first)
         both = motion(hinge.second) - carried(arm) @ motion(hinge.first)
         return axes[k % 3] @ both[3 * (k // 3) : 3 * (k // 3) + 3]
 
