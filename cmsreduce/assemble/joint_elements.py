@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.joints import available, digits, first_motion, relative_motion
-from cmsreduce.assemble.placement import interface_at, motion_axes
+from cmsreduce.assemble.placement import interface_at, joint_axes, motion_axes
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError
 from cmsreduce.model import DOF_NAMES, Joint, JointElement, Placement, Scene, Substructure
@@ -128,8 +128,14 @@ def _check_moves(
     stack: PointStack, scene: Scene, placed: Mapping[str, Placement], joint: Joint, element: JointElement
 ) -> None:
     """Refuse an element on a motion that an interface does not have."""
-    axes = motion_axes(stack.substructures, scene, placed, joint, element.dof)
-    for point in (joint.first, joint.second) if _acts_across(element) else (joint.first,):
+    across = _acts_across(element)
+    # An inertia alone turns about the axis that the first interface carries.
+    axes = (
+        motion_axes(stack.substructures, scene, placed, joint, element.dof)
+        if across
+        else joint_axes(stack.substructures, placed, joint)
+    )
+    for point in (joint.first, joint.second) if across else (joint.first,):
         face = interface_at(stack.substructures, point)
         if not available(face, 0, axes @ placed[point.body].rotation)[element.dof]:
             raise SceneError(
