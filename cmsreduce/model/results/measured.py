@@ -25,8 +25,6 @@ BETWEEN = "frf_error between the sampled configurations"
 """Name of the finding at midpoint configurations, which the limit of frf_error judges, too."""
 
 _UNPAIRED = ("modes_lost", "modes_extra")
-# Errors of one channel, and the attribute that names it.
-_WORST_CHANNEL = {"channel_error": "worst_channel", "db_error": "worst_db_channel"}
 # Errors of the modes that both models have.
 _OF_PAIRS = ("frequency_error", "damping_error", "nrfd")
 # Modes without a partner that a channel shows with this share of its highest peak make the errors of the paired modes
@@ -106,7 +104,8 @@ class Measured:
                 return f": not measured: none of the {count} modes in the band has a partner in the other model"
             silent = errors.loud is not None and not errors.loud.any()
             return ": not measured: no channel has an elastic response" if silent else ""
-        if name in _WORST_CHANNEL and (at := getattr(errors, _WORST_CHANNEL[name])) is not None:
+        at = {"channel_error": errors.worst_channel, "db_error": errors.worst_db_channel}.get(name)
+        if at is not None:
             return f", {self._channel(at)}"
         if name in _UNPAIRED and value:
             return f": {self.named_modes(errors.lost if name == 'modes_lost' else errors.extra)}"
