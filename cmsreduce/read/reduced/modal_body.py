@@ -34,6 +34,7 @@ __all__ = ["ModalBody", "in_dofs"]
 # Interface dofs whose motions differ by less than this share of their size move together: shapes of files have six to
 # sixteen digits, and a quotient of two of their sizes has up to three digits less.
 _TOGETHER = 1e-7
+# Roundings of the shapes below which a motion is none: it is a sum of several shapes.
 _ROUNDINGS = 10.0
 # Coordinates have unit strain energy, so that a combination with less than this share of it is a rigid motion.
 _FREE = 1e-13

@@ -50,7 +50,7 @@ def other_labels(body: FEModel, nodes: Nodes) -> list[tuple[DofTable, str]]:
     given = nodes.xyz[at] - nodes.xyz[at].mean(axis=0)
     size = float(np.sqrt(np.mean(np.sum(given**2, axis=1))))
     arms *= size / np.sqrt(np.mean(np.sum(arms**2, axis=1)))
-    # Imported here: it takes a tenth of a second, and only refusals need it.
+    # Imported here: it loads libraries that only refusals need.
     from scipy.spatial import KDTree
 
     tree, labels = KDTree(given), []

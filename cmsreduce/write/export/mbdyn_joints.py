@@ -67,7 +67,7 @@ def _refuse_turned_cross(placed: SceneJoint) -> None:
         raise WriteError(
             f"joint '{placed.joint.name}': two rotations are free, and the configuration turns it about {later}; "
             "MBDyn's total joint would lock another rotation there than a universal joint. Export a configuration with "
-            f"{later} at zero, or take `mbdyn` out of write.formats"
+            f"{later} at zero, or model the cross as a body between two hinges"
         )
 
 
