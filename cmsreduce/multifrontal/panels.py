@@ -37,6 +37,9 @@ is stored."""
 STRIP = 64
 """Columns of a panel that are eliminated at a time; of 16, 32, 64 and 256, 64 is the quickest (256: 6 % more time)."""
 
+# Columns of a triangle in a solve, where no block of STRIP columns is diagonalised: BLAS copies triangles first.
+_TRIANGLE = 32
+
 
 @loop
 def eliminate_panel(P: NDArray[Any], signs: Signs, indefinite: bool, table: Ints, sizes: Rows) -> int:
@@ -183,8 +186,7 @@ def solve_panel(
     turned = False
     for sign in signs:
         turned = turned or sign != 0
-    # A panel without a diagonalised block is solved at once.
-    strip = STRIP if turned else w
+    strip = STRIP if turned else _TRIANGLE
     count = (w + strip - 1) // strip
     for number in range(count):
         a = strip * (number if option == TRANSPOSED else count - 1 - number)

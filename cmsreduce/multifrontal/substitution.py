@@ -18,6 +18,9 @@ Ints = NDArray[np.int64]
 
 # Rows of a panel in one product: their right-hand sides stay in the cache.
 _AT_ONCE = 256
+# Columns of a panel in one product with a narrow block. Forward, BLAS walks along the rows of the factor: few columns
+# are read as so many streams. Back, it walks down the columns, and products of 256 rows and 32 columns are not copied.
+_FORWARD, _BACK = 16, 32
 
 
 @loop
@@ -74,6 +77,7 @@ def forward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], shared: int, chan
     """
     k, step, base, here = W.shape[1], W.itemsize, blocks.values.ctypes.data, W.ctypes.data
     Y, sizes = np.empty((_AT_ONCE, k), W.dtype), np.empty(8, np.int32)
+    few = _FORWARD // 2 if k <= _FORWARD // 2 else _FORWARD
     for s in supernodes:
         start, c = blocks.first[s], blocks.first[s + 1] - blocks.first[s]
         below = blocks.rows[blocks.begin[s] : blocks.begin[s + 1]]
@@ -87,8 +91,10 @@ def forward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], shared: int, chan
             for low in range(w, height, _AT_ONCE):
                 rows = min(_AT_ONCE, height - low)
                 Y[:rows] = 0
-                part = triangle + low * step
-                subtract_product(table, sizes, (k, rows, w), (X, k), (part, height), (Y.ctypes.data, k), TRANSPOSED)
+                for j in range(0, w, few):
+                    part, x = triangle + (j * height + low) * step, X + j * k * step
+                    shape = k, rows, min(few, w - j)
+                    subtract_product(table, sizes, shape, (x, k), (part, height), (Y.ctypes.data, k), TRANSPOSED)
                 for i in range(rows):
                     j = low + i - w
                     row = start + a + w + j if j < own else below[j - own]
@@ -124,8 +130,10 @@ def backward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], table: Ints) -> 
                     row = start + a + w + j if j < own else below[j - own]
                     for q in range(k):
                         Y[i, q] = W[row, q]
-                part = triangle + low * step
-                subtract_product(table, sizes, (k, w, rows), (Y.ctypes.data, k), (part, height), (X, k), PLAIN)
+                for j in range(0, w, _BACK):
+                    part, x = triangle + (j * height + low) * step, X + j * k * step
+                    shape = k, min(_BACK, w - j), rows
+                    subtract_product(table, sizes, shape, (Y.ctypes.data, k), (part, height), (x, k), PLAIN)
             signs = blocks.signs[start + a : start + a + w]
             solve_panel(signs, (triangle, height), W, start + a, PLAIN, table, sizes)
 
