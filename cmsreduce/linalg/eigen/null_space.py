@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blocks import absolute, symmetric_product
+from cmsreduce.linalg.eigen.geometric_motions import (
+    DEPENDENT,
+    LEFT_BY_FILE,
+    energy_share,
+    geometric_motions,
+    is_rounding,
+    printed_coarsely,
+)
 from cmsreduce.linalg.eigen.held_stiffness import HeldStiffness
-from cmsreduce.linalg.eigen.pencil import energy_parts
 from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, NotPositiveDefiniteError, factorise
-from cmsreduce.model import CONDENSATION, DOUBLE
+from cmsreduce.model import DOUBLE
 
 __all__ = [
     "DEPENDENT",
@@ -27,11 +31,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-DEPENDENT = 1e-9
-"""A constraint is dependent when its part outside the others is below this share of the largest: coordinates of 8
-digits give the directions of joints no more accurately."""
-# Forces K R of a rigid motion are at most this many roundings of the file, relative to |K|.
-_RIGID_FACTOR = 1e4
 # Below this size the complete spectrum of the scaled stiffness is cheaper than its weakest motions alone.
 _DENSE_LIMIT = 600
 # Larger bodies: weakest motions computed at first, number of inverse iterations, and shift that makes the scaled
@@ -42,10 +41,8 @@ _ITERATIONS = 4
 _SHIFT = 1e-14
 # Every pivot of a stiffness held against all its free motions also exceeds so many roundings of the file.
 _SOUND_ROUNDINGS = 1e3
-# The strain energy of a null vector is at most this many roundings of its absolute terms. The rounding of a file is
-# relative to the decade of a number, so it leaves ten at most. Arithmetic leaves less than one; a soft mode seven
+# Arithmetic leaves less than one rounding of its absolute terms in the energy of a null vector; a soft mode seven
 # decades below the stiffest leaves twenty.
-_LEFT_BY_FILE = 10.0
 _LEFT_BY_ARITHMETIC = 5.0
 # The energy of known rigid motions shows the rounding of a file; mechanisms may have this many times as much. The first
 # bending mode of a slender body in single precision is not far above.
@@ -139,11 +136,14 @@ def rigid_body_modes(
     """
     if proven is None and prove and K.shape[0] > _DENSE_LIMIT:
         proven = only_motions(K, R, rounding)
-    shapes = _geometric_motions(K, R, rounding).free if proven is None else proven
+    shapes = geometric_motions(K, R, rounding).free if proven is None else proven
     N = _null_motions(K, rounding, shapes) if proven is None else proven
-    geometric, held = shapes.shape[1], None
-    if N.shape[1] > geometric:
-        held = _hold(K, N)
+    geometric = shapes.shape[1]
+    mechanisms, coarse = N.shape[1] > geometric, proven is None and printed_coarsely(K, shapes, rounding)
+    held = _hold(K, N) if mechanisms or coarse else None
+    if coarse and held is not None:
+        shapes = held.solved(shapes)
+    if mechanisms:
         # The part outside the geometric shapes is a mechanism; the geometric shapes are more accurate.
         Qg, _ = np.linalg.qr(shapes)
         N, _ = np.linalg.qr(N if held is None else held.independent(N))
@@ -165,13 +165,13 @@ def rigid_body_modes(
             f"body '{name}': a motion that K does not resist carries no mass ({weight[0]:.1e} against "
             f"{weight[-1]:.1e}); hold it by a constraint, or take the massless dofs out of the matrices"
         )
-    if held is None:
+    if held is None or not mechanisms:
         return np.asarray(shapes @ (V / np.sqrt(weight)))
     # A mechanism of little mass is a small difference of large shapes, whose rounding loads what is stiff: it is
     # solved for again after the difference is taken.
     rigid = _apart(shapes[:, :geometric], np.empty((K.shape[0], 0)), M)
-    mechanisms = held.solved(_apart(shapes[:, geometric:], rigid, M))
-    return np.hstack([rigid, _apart(mechanisms, rigid, M)])
+    others = held.solved(_apart(shapes[:, geometric:], rigid, M))
+    return np.hstack([rigid, _apart(others, rigid, M)])
 
 
 def _apart(X: Array, rigid: Array, M: sp.csc_array) -> Array:
@@ -203,7 +203,7 @@ def only_motions(
     (n, r) float64 or None
         None if K may have a mechanism, or a soft motion that only `stiffness_null_space` distinguishes from one.
     """
-    shapes, share, resisted, energy = _geometric_motions(K, R, rounding)
+    shapes, share, resisted, energy = geometric_motions(K, R, rounding)
     sound = max(SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
     # The last pivot is the least energy of a motion that moves its dof by one; here for a typical dof, relative to its
     # diagonal entry. If it is too small, K may resist the motion only because of the digits of the coordinates.
@@ -216,11 +216,11 @@ def only_motions(
     if held.factor.weakest[1] <= sound:
         return None
     if not weak.any():
-        return shapes
+        return held.solved(shapes) if printed_coarsely(K, shapes, rounding) else shapes
     # Motions of K itself near those of the coordinates: if their energy is rounding, K resists none of them.
-    own = held.solved(resisted[:, weak])
-    free = _is_rounding(_energy_share(K, own), _left_of(share, rounding)).all()
-    return np.hstack([shapes, own]) if free else None
+    own = held.solved(motions)
+    free = is_rounding(energy_share(K, own[:, shapes.shape[1] :]), _left_of(share, rounding)).all()
+    return own if free else None
 
 
 def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None = None) -> Array:
@@ -253,46 +253,15 @@ def _null_motions(K: sp.csc_array, rounding: float, known: Array | None) -> Arra
     else:
         solve = factorise(sp.csc_array(scaled + _SHIFT * sp.eye_array(n)), definite=False, what="the stiffness")
         V = _weakest(scaled, solve, _WANTED)
-    known_energy = np.empty(0) if known is None else _energy_share(K, known)
+    known_energy = np.empty(0) if known is None else energy_share(K, known)
     left = _left_of(known_energy, rounding)
     # If all vectors are null vectors, there may be more.
-    while (null := _is_rounding(_energy_share(scaled, V), left)).all() and V.shape[1] < n:
+    while (null := is_rounding(energy_share(scaled, V), left)).all() and V.shape[1] < n:
         V = _weakest(scaled, solve, min(2 * V.shape[1], n))
     if known is not None and known.shape[1] == np.count_nonzero(null):
         # Shapes from coordinates are more accurate.
         return known
     return np.asarray(V[:, null] / d[:, None])
-
-
-class _Geometric(NamedTuple):
-    """Rigid-body shapes of the geometry that K does not resist (n, r), with their energy shares; and the others."""
-
-    free: Array
-    share: Array
-    resisted: Array
-    energy: Array
-
-
-def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> _Geometric:
-    """Combinations of the rigid-body shapes that K resists neither by force nor by energy, and the others."""
-    lengths = np.empty(0) if R is None else np.linalg.norm(R, axis=0)
-    if R is None or not lengths.any():
-        none = np.empty((K.shape[0], 0))
-        return _Geometric(none, np.empty(0), none, np.empty(0))
-    Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
-    Q = Q[:, s > DEPENDENT * s.max()]
-    force = symmetric_product(K)(Q)
-    _, s, vt = la.svd(force, full_matrices=False)
-    shapes = Q @ vt.T
-    energy, sizes = np.einsum("ij,ij->j", shapes, force @ vt.T), abs(shapes)
-    # The 1-norm of K is the largest force if every dof moves by one and nothing cancels.
-    parts = symmetric_product(absolute(K))(np.hstack([sizes, np.ones((K.shape[0], 1))]))
-    unforced = s <= _RIGID_FACTOR * max(rounding, DOUBLE) * parts[:, -1].max()
-    share = _share(energy, np.einsum("ij,ij->j", sizes, parts[:, :-1]))
-    # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
-    limit = max(_LEFT_BY_FILE * rounding, CONDENSATION)
-    rigid = unforced & _is_rounding(share, limit)
-    return _Geometric(shapes[:, rigid], share[rigid], shapes[:, ~rigid], energy[~rigid])
 
 
 def _hold(K: sp.csc_array, N: Array) -> HeldStiffness | None:
@@ -324,20 +293,6 @@ def _unit_diagonal(K: sp.csc_array) -> tuple[sp.csc_array, Array]:
 def _left_of(known: Array, rounding: float) -> float:
     """Largest energy share of a null vector, from the rounding of the file and from the energy of known ones."""
     left = (
-        min(_LEFT_BY_FILE * rounding, _LIKE_RIGID * float(abs(known).max())) if known.size else _LEFT_BY_FILE * rounding
+        min(LEFT_BY_FILE * rounding, _LIKE_RIGID * float(abs(known).max())) if known.size else LEFT_BY_FILE * rounding
     )
     return max(left, _LEFT_BY_ARITHMETIC * DOUBLE)
-
-
-def _is_rounding(share: Array, left: float) -> NDArray[np.bool_]:
-    """True where a strain energy is rounding; a negative one is too, unless the matrix is indefinite."""
-    return np.asarray((share <= left) & (share >= -max(left, CONDENSATION)))
-
-
-def _energy_share(K: sp.csc_array, X: Array) -> Array:
-    """Strain energy of each column, relative to the sum of its absolute terms; no scale of the dofs changes it."""
-    return _share(np.einsum("ij,ij->j", X, symmetric_product(K)(X)), energy_parts(K, X))
-
-
-def _share(energy: Array, parts: Array) -> Array:
-    return np.asarray(np.divide(energy, parts, out=np.zeros_like(energy), where=parts > 0), dtype=np.float64)

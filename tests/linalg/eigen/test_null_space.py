@@ -125,6 +125,27 @@ def test_rotations_from_printed_coordinates_lead_to_those_of_the_stiffness(digit
     assert abs(body.K @ Phi).max() < 1e-9 * abs(body.K).max() * abs(Phi).max()
 
 
+@pytest.mark.parametrize("digits", [12, 9, 8])
+@pytest.mark.parametrize("elements", [6, 110], ids=["dense", "sparse"])
+def test_rigid_motions_have_the_digits_of_the_stiffness_and_not_those_of_the_coordinates(elements, digits):
+    """Rotations that strain the body by the rounding of its coordinates couple with its soft modes."""
+    body = line("mast", [0, 0, 0], [3, 1, 0.5], elements)
+    R = rigid_body_shapes(body.dofs, replace(body.nodes, xyz=body.nodes.xyz.round(digits - 1)))
+    Phi = rigid_body_modes(body.K, body.M, R, body.rounding, "mast")
+    own = np.sqrt(body.K.diagonal())[:, None]
+    assert Phi.shape[1] == 6
+    assert (abs(body.K @ Phi) <= 1e-13 * own * (own * abs(Phi)).max(axis=0)).all()
+
+
+def test_rigid_motions_of_a_body_with_a_hinge_have_the_digits_of_its_stiffness():
+    K, M, R = hinged()
+    rough = np.where(abs(R) > 0.1, R + 1e-9 * np.sin(np.arange(R.size)).reshape(R.shape), R)
+    Phi = rigid_body_modes(K, M, rough, 2.0**-53, "hinged")
+    own = np.sqrt(K.diagonal())[:, None]
+    assert Phi.shape[1] == 9
+    assert (abs(K @ Phi) <= 1e-13 * own * (own * abs(Phi)).max(axis=0)).all()
+
+
 def test_soft_mounts_are_proven_to_hold():
     """Springs of a millionth of the diagonal at one face are far softer than any other motion, but not rounding."""
     body = block("bar", [2.7, 0.2, 0.2], [27, 2, 2])

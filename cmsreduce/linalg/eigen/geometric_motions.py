@@ -1,0 +1,84 @@
+"""Rigid motions of a body by its geometry, as far as its stiffness does not resist them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.blocks import absolute, symmetric_product
+from cmsreduce.linalg.eigen.pencil import energy_parts
+from cmsreduce.model import ARITHMETIC, CONDENSATION, DOUBLE, PRINTED
+
+Array = NDArray[np.float64]
+
+DEPENDENT = 1e-9
+"""A constraint is dependent when its part outside the others is below this share of the largest: coordinates of 8
+digits give the directions of joints no more accurately."""
+
+LEFT_BY_FILE = 10.0
+"""The strain energy of a null vector is at most this many roundings of its absolute terms: the rounding of a file is
+relative to the decade of a number."""
+
+# Forces K R of a rigid motion are at most this many roundings of the file, relative to |K|.
+_RIGID_FACTOR = 1e4
+
+
+class Geometric(NamedTuple):
+    """Rigid-body shapes of the geometry that K does not resist (n, r), with their energy shares; and the others."""
+
+    free: Array
+    share: Array
+    resisted: Array
+    energy: Array
+
+
+def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geometric:
+    """Combinations of the rigid-body shapes that K resists neither by force nor by energy, and the others."""
+    lengths = np.empty(0) if R is None else np.linalg.norm(R, axis=0)
+    if R is None or not lengths.any():
+        none = np.empty((K.shape[0], 0))
+        return Geometric(none, np.empty(0), none, np.empty(0))
+    Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
+    Q = Q[:, s > DEPENDENT * s.max()]
+    force = symmetric_product(K)(Q)
+    _, s, vt = la.svd(force, full_matrices=False)
+    shapes = Q @ vt.T
+    energy, sizes = np.einsum("ij,ij->j", shapes, force @ vt.T), abs(shapes)
+    # The 1-norm of K is the largest force if every dof moves by one and nothing cancels.
+    parts = symmetric_product(absolute(K))(np.hstack([sizes, np.ones((K.shape[0], 1))]))
+    unforced = s <= _RIGID_FACTOR * max(rounding, DOUBLE) * parts[:, -1].max()
+    share = _share(energy, np.einsum("ij,ij->j", sizes, parts[:, :-1]))
+    # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
+    limit = max(LEFT_BY_FILE * rounding, CONDENSATION)
+    rigid = unforced & is_rounding(share, limit)
+    return Geometric(shapes[:, rigid], share[rigid], shapes[:, ~rigid], energy[~rigid])
+
+
+def printed_coarsely(K: sp.csc_array, shapes: Array, rounding: float) -> bool:
+    """True if K resists rigid shapes by more than its own errors: digits of the coordinates limit them, not those of K.
+
+    Such shapes couple with soft modes. The motions of K near them do not.
+    """
+    own, error = np.sqrt(abs(K.diagonal())), max(rounding, DOUBLE)
+    sizes = abs(shapes)
+    scale = own[:, None] * (own[:, None] * sizes).max(axis=0, initial=0.0)
+    explained = 2 * PRINTED * error * symmetric_product(absolute(K))(sizes) + max(ARITHMETIC, error) * scale
+    return bool((abs(symmetric_product(K)(shapes)) > explained).any())
+
+
+def is_rounding(share: Array, left: float) -> NDArray[np.bool_]:
+    """True where a strain energy is rounding; a negative one is too, unless the matrix is indefinite."""
+    return np.asarray((share <= left) & (share >= -max(left, CONDENSATION)))
+
+
+def energy_share(K: sp.csc_array, X: Array) -> Array:
+    """Strain energy of each column, relative to the sum of its absolute terms; no scale of the dofs changes it."""
+    return _share(np.einsum("ij,ij->j", X, symmetric_product(K)(X)), energy_parts(K, X))
+
+
+def _share(energy: Array, parts: Array) -> Array:
+    return np.asarray(np.divide(energy, parts, out=np.zeros_like(energy), where=parts > 0), dtype=np.float64)
