@@ -19,6 +19,7 @@ from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.nastran import SET_NAMES
 from cmsreduce.read.row_order import prove_row_order, without_round_off
+from cmsreduce.read.scalar_points import with_places
 
 __all__ = ["read_body"]
 
@@ -113,6 +114,8 @@ def read_body(
         inner = table.component == SCALAR
         inner[sets.get("q", np.empty(0, np.int64))] = True
         also = (shape.node_sets, shape.expanded) if shape is not None else ()
+        if nodes is not None:
+            table, nodes = with_places(K.A, table, nodes)
         resolved = {face: resolve_interface(name, face, one, table, nodes, sets, *also) for face, one in named.items()}
         return FEModel(
             name,
