@@ -116,8 +116,9 @@ def test_signs_of_modes_are_no_change(finished: Path, copied: Path) -> None:
     with resealed(copied / "arm.h5") as file:
         sign = np.where(np.arange(file["modes/omega"].size) % 2, 1.0, -1.0)
         deforming = sign[file["modes"].attrs["rigid_count"] :]
-        for name in ("dofs/shapes", "integrals/int_phi", "integrals/int_r_x_phi"):
+        for name in ("dofs/shapes", "outputs/C1", "outputs/C2", "integrals/int_phi", "integrals/int_r_x_phi"):
             file[name][...] *= sign
+        file["inputs/B"][...] *= sign[:, None]
         for name in ("phi", "r_cross_phi", "r_phi"):
             file[f"integrals/{name}"][...] *= deforming
         file["integrals/phi_phi"][...] *= np.outer(deforming, deforming)
@@ -140,6 +141,8 @@ def mixed(values: np.ndarray) -> np.ndarray:
 
 
 CHANGES = {
+    "amplitude": ("dofs/shapes", lambda v: 1.01 * v, "static flexibility", "0.0201 (limit 0.001) - above all at"),
+    "sign of an input": ("inputs/B", lambda v: -v, "inputs and outputs", "(limit 0.001) - of input motor in the"),
     "mass": ("integrals/rigid_mass", heavier, "mass", "0.001 (limit 1e-06)"),
     "frequency": ("modes/omega", stiffer, "frequencies", "0.01 (limit 0.0001) - mode 4:"),
     "shape": ("dofs/shapes", mixed, "mode shapes", "- mode 3 at"),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import Finding
+from cmsreduce.pipeline.results.baseline_rows import common_dofs, lost_or_new, row_findings
 from cmsreduce.pipeline.results.limits import Tolerances
 from cmsreduce.pipeline.store import ORIGIN, read_origin
 from cmsreduce.read import expect_kind, file_kind
@@ -171,21 +172,15 @@ def compare(old: StoredResult, new: StoredResult, tolerances: Tolerances) -> lis
     findings = []
     if old.summary is not None and new.summary is not None:
         findings += list(_run(old.summary, new.summary, tolerances))
-        findings.append(_lost_or_new("components", old.names, new.names))
+        findings.append(lost_or_new("baseline: components", old.names, new.names))
         rows = ([row["name"] for row in facts.get("system", [])] for facts in (old.summary, new.summary))
-        findings.append(_lost_or_new("configurations", *rows))
+        findings.append(lost_or_new("baseline: configurations", *rows))
     for name in common:
         findings += [
             replace(found, name=f"baseline: {found.name}", subject=name)
             for found in _component(_modes(old, name), _modes(new, name), tolerances)
         ]
     return findings
-
-
-def _lost_or_new(what: str, old: Sequence[str], new: Sequence[str]) -> Finding:
-    gone, come = (sorted(set(a) - set(b)) for a, b in ((old, new), (new, old)))
-    words = "; ".join(f"{how} {', '.join(names)}" for how, names in (("lost", gone), ("new", come)) if names)
-    return Finding(f"baseline: {what} lost or new", float(len(gone) + len(come)), 0.0, words)
 
 
 def _modes(result: StoredResult, name: str) -> Modes:
@@ -238,15 +233,14 @@ def _component(old: Modes, new: Modes, tolerances: Tolerances) -> Iterator[Findi
     if shapes[0].shape[0]:
         worst = float((1 - pairs.mac).max(initial=0.0))
         yield Finding("mode shapes", worst, tolerances.shape, _worst_shape(pairs, new_hz))
+    yield from row_findings(old_file, new_file, pairs, tolerances)
     yield from _integrals(old_file, new_file, pairs, tolerances)
     yield from _damping(old_file, new_file, pairs, tolerances)
 
 
 def _common_shapes(old: ComponentFile, new: ComponentFile) -> tuple[Array, Array]:
     """Shapes of the elastic modes at the dofs that both files hold."""
-    keys = [file.arrays["dofs/node"] * 8 + file.arrays["dofs/component"] for file in (old, new)]
-    _, i, j = np.intersect1d(*keys, return_indices=True)
-    rotation = (old.arrays["dofs/component"][i] > 3).astype(np.int64)
+    i, j, rotation = common_dofs(old, new)
     was, now = scaled_rows(old.arrays["dofs/shapes"][i], new.arrays["dofs/shapes"][j], rotation)
     return was[:, old.elastic], now[:, new.elastic]
 

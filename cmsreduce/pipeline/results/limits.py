@@ -30,6 +30,10 @@ class Tolerances:
     mass : float
         Relative change of the mass; of the centre of mass in radii of gyration; of the inertia, relative to its largest
         moment.
+    flexibility : float
+        Change of the static flexibility at the dofs of the file, relative to that of each dof of a pair.
+    channels : float
+        Change of a row of inputs or outputs, relative to its size, the root of its static flexibility.
     integrals : float
         Change of a modal integral, relative to the largest value that the body's mass allows for it.
     damping : float
@@ -43,6 +47,8 @@ class Tolerances:
     frequency: float = 1e-4
     shape: float = 1e-2
     mass: float = 1e-6
+    flexibility: float = 1e-3
+    channels: float = 1e-3
     integrals: float = 1e-3
     damping: float = 1e-3
     modes: float = 0.0
