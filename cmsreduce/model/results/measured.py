@@ -35,6 +35,10 @@ _MAIN, _VISIBLE = 0.1, 1e-3
 _OF_BODIES = ("static_lack",)
 # Limits on figures of the assembled system alone.
 _OF_SYSTEM = ("hinge_inertia", "highest_frequency")
+_NO_ROOTS = (
+    "the roots of the reduced loop are not known: structural damping (state half of it as `damping: {modal: ...}`), "
+    "over 1000 coordinates, or gyroscopic forces or measured rates of shapes without mass"
+)
 # Modes named in a note; more do not fit a line.
 _NAMED = 4
 
@@ -137,15 +141,23 @@ class Measured:
         if self.margins:
             worst = max(self.margins, key=lambda each: _badness(each.ratio))
             checks["controller_ratio"] = worst.ratio, f"{worst.configuration}, {worst.worst_hz:.6g} Hz"
-            growing = max(self.margins, key=lambda each: each.unstable or 0)
-            if growing.unstable is not None:
-                checks["controller_unstable"] = float(growing.unstable), growing.configuration
+            checks["controller_unstable"] = self._unstable_roots
         found |= {name: self._finding(name, value, where) for name, (value, where) in checks.items()}
         if (between := self._between_finding) is not None:
             found[BETWEEN] = between
         found |= {name: self._finding(name, *largest) for name, largest in self._of_system.items()}
         found |= {name: self._without_seen_modes(found[name]) for name in _OF_PAIRS if name in found}
         return found | {key: self._unmeasured(key) for key in self.limits if key not in found}
+
+    @property
+    def _unstable_roots(self) -> tuple[float, str]:
+        """Most growing roots of the reduced loop; NaN if none is known to grow and not every loop is known."""
+        # The ratio of a margin proves nothing of a loop whose own roots are not known.
+        unknown = [each.configuration for each in self.margins if each.unstable is None]
+        most = max(self.margins, key=lambda each: each.unstable or 0)
+        if most.unstable or not unknown:
+            return float(most.unstable or 0), most.configuration
+        return float("nan"), f"{unknown[0]}: not measured: {_NO_ROOTS}"
 
     def _finding(self, name: str, value: float, where: str) -> Finding:
         return Finding(name, value, self.limits.get(name, CONTROLLER_LIMITS.get(name, float("inf"))), where)

@@ -98,15 +98,20 @@ def _merged(run: RunResult) -> Iterator[tuple[str, str]]:
         ("proven", ""),
     ):
         subjects: dict[str, list[str]] = {}
+        of_system = []
         for proof in run.verdict.proofs:
-            if proof.state == state:
+            if proof.state == state and (proof.subject or state == "proven"):
                 subjects.setdefault(proof.label, []).append(proof.subject or "the system")
+            elif proof.state == state:
+                # Its bodies may all be right.
+                of_system.append((state, f"{proof.label} of the system: {proof.remark}"))
         alike: dict[str, list[str]] = {}
         for what, of in subjects.items():
             alike.setdefault("every body" if set(of) == bodies else ", ".join(dict.fromkeys(of)), []).append(what)
         if alike:
             facts = "; ".join(f"{', '.join(what)} of {of}" for of, what in alike.items())
             yield state, f"{facts}{ending}"
+        yield from of_system
 
 
 def _bodies(run: RunResult) -> Table:

@@ -99,6 +99,20 @@ def test_a_controller_that_is_not_safe_fails_the_run(study: Path) -> None:
     assert "controller spillover" in again.stdout
 
 
+def test_a_loop_whose_roots_are_not_known_fails_the_run(study: Path) -> None:
+    """Structural damping has no state space: nothing shows that the reduced loop is stable, whatever the ratio is."""
+    (study.parent / "k.txt").write_text(controller(-2e-6))
+    keys = [f"scene.controller={study.parent / 'k.txt'}", "components.panel.damping={structural: 0.01}"]
+    said = CliRunner().invoke(main, ["run", str(study), *(word for key in keys for word in ("--set", key))])
+    facts = json.loads((study.parent / "out" / "summary.json").read_text())
+    ratio, roots = (facts["figures"][name] for name in ("controller_ratio", "controller_unstable"))
+    assert ratio["passed"] is True and roots["passed"] is False and roots["value"] is None
+    assert said.exit_code == 1 and facts["verdict"]["word"] == "FAIL", said.output
+    assert "unstable loop roots: hinge=0: not measured: the roots of the reduced loop are not known" in said.stdout
+    assert "unproven  stability of the system: the controller may give energy" in said.stdout
+    assert "compare mass" not in said.stdout
+
+
 def test_a_root_that_grows_slowly_fails_the_run(study: Path) -> None:
     """A gain of the wrong sign, however small, accelerates the hub: its time constant is an hour."""
     (study.parent / "k.txt").write_text(controller(0.002))
