@@ -217,6 +217,14 @@ class FloatingBody:
         """Integrals of phi_i phi_j, rows (i, j, a), to be multiplied by modal coordinates."""
         return self.phi_phi.reshape(9 * self.k, self.k)
 
+    def wheels(self, q: Array) -> Array:
+        """Momentum of the wheels along the axes of the frame (3,), to first order in their slopes."""
+        if self.gyroscopic is None:
+            return np.zeros(3)
+        # The moment of wheels on the frame is minus the rate of their momentum h: w x h, and what slopes turn.
+        W = self.gyroscopic[3:6, 3:6]
+        return np.array([W[1, 2], W[2, 0], W[0, 1]]) + self.gyroscopic[3:6, 6:] @ q
+
     def _moments(self, q: Array) -> tuple[Array, Array, Array, Array]:
         """Int x dm and its derivatives, int x x^T dm, and int x_i dx_j/dq dm, of the deformed body."""
         moment, C = self.first_moment + self.phi @ q, self.phi

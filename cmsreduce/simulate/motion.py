@@ -88,7 +88,7 @@ class Motion:
 
     @cached_property
     def momentum(self) -> Array:
-        """Momentum, and angular momentum about the origin of the scene (t, 6)."""
+        """Momentum, and angular momentum about the origin of the scene, with that of wheels (t, 6)."""
         return np.array([self.system.momentum(y) for y in self.states.y])
 
     @cached_property

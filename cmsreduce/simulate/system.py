@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 # Relative: rates that the constraints contradict differ by more than this.
 _CONTRADICTED = 1e-6
+# Relative to the size of the scene: gaps in joints at rest, ten times what closes them.
+_GAPS = 1e-12
 
 
 class MultibodySystem(Equations):
@@ -91,9 +93,12 @@ class MultibodySystem(Equations):
         return kinetic, potential + springs
 
     def imbalance(self, states: Array) -> Array:
-        """Energy of each state (t,) less that of the first and the work since."""
+        """Energy of each state (t,) less that of the first and the work since, beyond rounding."""
         total = np.array([sum(self.energies(y)) for y in states]) - states[:, -1]
-        return np.asarray(total - total[0])
+        gained = total - total[0]
+        # Where nothing moves, the weight of bodies still works over the gaps that rounding leaves in joints.
+        rounding = _GAPS * sum(body.mass for body in self.bodies) * float(np.linalg.norm(self.gravity)) * self.length
+        return np.asarray(np.sign(gained) * np.maximum(abs(gained) - rounding, 0.0))
 
     def refuse_large(self, y: Array) -> None:
         """Refuse deflections as large as the body, at which its modes have lost their meaning.
@@ -111,12 +116,12 @@ class MultibodySystem(Equations):
                 )
 
     def momentum(self, y: Array) -> Array:
-        """Momentum, and angular momentum about the origin of the scene (6,)."""
+        """Momentum, and angular momentum about the origin of the scene, with that of wheels (6,)."""
         frames, total = self.frames(y), np.zeros(6)
-        for f, (M, _, _) in zip(frames[:-1], self._inertia(frames), strict=True):
+        for body, f, (M, _, _) in zip(self.bodies, frames[:-1], self._inertia(frames), strict=True):
             p = M @ self._V(f)
             total[:3] += f.R @ p[:3]
-            total[3:] += f.R @ p[3:6] + np.cross(f.x, f.R @ p[:3])
+            total[3:] += f.R @ (p[3:6] + body.wheels(f.q)) + np.cross(f.x, f.R @ p[:3])
         return total
 
     def linear(self, y: Array) -> tuple[Array, Array]:
@@ -156,7 +161,13 @@ class MultibodySystem(Equations):
         return squares, Z @ X
 
     def response_of_rigid(self, movement: int) -> float:
-        """Acceleration of a movement by a unit of effort on it, at the start, bodies rigid and springs absent."""
+        """Acceleration of a movement by a unit of effort on it, at the start, bodies rigid and springs absent.
+
+        Raises
+        ------
+        SimulationError
+            If joints and ground hold the movement.
+        """
         frames = self.frames(self._start)
         moving = self._moving(frames)
         _, G, _ = self._constraints(moving)
@@ -164,7 +175,13 @@ class MultibodySystem(Equations):
         masses = self._rigid(frames, rows)
         solved = self._by_mass(masses, rows.T)
         free, X = solved[:, 0], solved[:, 1:]
-        return float(rows[0] @ (free + X @ multipliers(rows[1:] @ X, -rows[1:] @ free)))
+        alone, joined = rows[0] @ free, rows[0] @ (free + X @ multipliers(rows[1:] @ X, -rows[1:] @ free))
+        if not joined > IMPLIED * alone:
+            raise SimulationError(
+                f"'{self.movements[movement].name}' cannot move with rigid bodies: joints or ground hold it, so that "
+                "no effort slews it; give a `Pulse` or another function of the time"
+            )
+        return float(joined)
 
     def _rigid(self, frames: list[Frame], rows: Array) -> list[Array]:
         """Mass matrices without coupling to modes; rows over the speeds lose their modal part, in place."""

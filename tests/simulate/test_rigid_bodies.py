@@ -48,6 +48,17 @@ def test_torque_free_top(tmp_path: Path) -> None:
     np.testing.assert_allclose(momentum, np.tile([0, 0, 0, *(J * w)], (momentum.shape[0], 1)), rtol=0, atol=1e-9)
 
 
+def test_a_wheel_shares_its_momentum(tmp_path: Path) -> None:
+    """A body with a wheel that no moment acts on keeps the momentum of both; its own turns by a third of it."""
+    own, wheel, w = np.array([1.0, 2.0, 3.0]), np.array([0.0, 1.5, -0.5]), np.array([0.7, -0.4, 0.9])
+    top = replace(brick("top", tuple(own)), momentum=wheel)
+    motion = simulate(hinged([top], [], tmp_path), 5.0, spin=w, accuracy=1e-10)
+    rates, R = motion.angular_velocity["top"], motion.rotation["top"]
+    assert np.linalg.norm(np.einsum("tij,tj->ti", R, own * rates) - own * w, axis=1).max() > 0.5
+    np.testing.assert_allclose(motion.momentum[0], [0, 0, 0, *(own * w + wheel)], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(motion.momentum, np.tile(motion.momentum[0], (21, 1)), rtol=0, atol=1e-8)
+
+
 def test_pendulum_through_a_large_angle(tmp_path: Path) -> None:
     """From rest at 90 degrees, by Jacobi's functions; the constraint keeps the pivot."""
     L = 0.7
@@ -212,6 +223,26 @@ def test_motors_of_a_universal_joint_act_on_their_own_angles(tmp_path: Path, ear
     # The impulse of a sin^2 is half of peak times duration, from its middle on.
     assert motion.joints[f"cross.{DOF_NAMES[later]}"][-1] == pytest.approx(0.5 * 2.0 * 0.5 / 0.5 * (2.0 - 0.25))
     assert motion.joints[f"cross.{DOF_NAMES[earlier]}"][-1] == pytest.approx(-0.5 * 0.5 / 0.5 * (2.0 - 1.25))
+
+
+def test_a_body_that_is_held_rests_under_its_weight(tmp_path: Path) -> None:
+    scene = hinged(
+        [brick("wall", (1, 1, 1), cg=(0.3, 0.1, 0.7)), brick("box", (1, 1, 1), cg=(0.1, 0.4, -0.2))],
+        [joint("weld", "wall.hinge", "box.hinge", ())],
+        tmp_path,
+        ground=["wall.hinge"],
+    )
+    motion = simulate(scene, 0.4, gravity=(1.3, -2.9, -G))
+    assert abs(motion.point("box", "cg") - [0.1, 0.4, -0.2]).max() < 1e-12
+    assert motion.imbalance == 0.0
+
+
+def test_a_slew_of_what_is_held_is_refused(tmp_path: Path) -> None:
+    wall = hinged([brick("wall", (1, 1, 1))], [], tmp_path, ground=["wall.hinge"])
+    push = Channel("push", (PointTerm(Point("wall", "cg"), np.array([0, 0, 0, 0, 0, 1.0])),), "rotation")
+    scene = replace(wall, scene=replace(wall.scene, actuators=(push,)))
+    with pytest.raises(SimulationError, match="'push' cannot move with rigid bodies"):
+        simulate(scene, 1.0, efforts={"push": Slew(0.5, 1.0)})
 
 
 def test_what_cannot_be_simulated_is_said(tmp_path: Path) -> None:
