@@ -22,15 +22,27 @@ from cmsreduce.pipeline.results import (
     write_system_file,
     write_system_states,
 )
-from cmsreduce.pipeline.run import STAGES, Run
-from cmsreduce.pipeline.store import REPORT, Silent, collecting, diagnostic, read_origin, sole_use, write_origin
+from cmsreduce.pipeline.run import STAGES, Run, named_files
+from cmsreduce.pipeline.store import (
+    FAILURES_LOG,
+    REPORT,
+    STAGES_FOLDER,
+    Silent,
+    collecting,
+    diagnostic,
+    read_origin,
+    sole_use,
+    write_origin,
+)
 from cmsreduce.report import start_packing
 from cmsreduce.write import (
     PROFILES,
     TARGETS,
     conversion,
     profile_files,
+    record_outputs,
     refuse_foreign,
+    refuse_shared_names,
     write_summary,
 )
 
@@ -73,13 +85,15 @@ def execute(
         blas_threads(run.stages.solver.threads or 1),
         collecting(failures),
     ):
-        failures.clear_log()
         only = run.stages.only
         last = until or only or "write"
         due = {only} if only else set(STAGES[: STAGES.index(last) + 1])
         if only == "project" and run.pipeline.project is None:
             raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
-        refuse_foreign(_outputs(run, due, report), _inputs(run))
+        outputs = list(_outputs(run, due, report))
+        refuse_shared_names(outputs)
+        refuse_foreign([*outputs, run.folder / FAILURES_LOG], [source, *named_files(run.pipeline.model_dump())])
+        failures.clear_log()
         if run.pipeline.write is not None:
             # Before anything is computed.
             _values_written(run)
@@ -87,6 +101,8 @@ def execute(
             _begin_packing()
         run.makes_reference = "verify" in due and run.pipeline.verify is not None and run.has_response
         run.read_bodies()
+        # Now all files are known that decks include.
+        refuse_foreign(outputs, run.files_read)
         # Orthogonalise runs reduce itself, and only where it is not finished.
         if "reduce" in due or "orthogonalise" in due:
             run.reduce_bodies(orthonormal="orthogonalise" in due)
@@ -104,6 +120,7 @@ def execute(
             if "assemble" in due:
                 run.stages.written.extend(write_system_file(run))
             return None
+        record_outputs(run.folder, outputs)
         return _results(run, report=report)
 
 
@@ -157,10 +174,14 @@ def _outputs(run: Run, due: Collection[str], report: bool) -> Iterator[Path]:
     if "hdf5" in formats:
         yield run.folder / "system.h5"
         yield from (run.folder / f"{name}.h5" for name in run.flexible_names)
+    elif "fmi" in formats:
+        yield _passing(run, "system")
     if "matlab" in formats:
         yield run.folder / "system.mat"
     if "fmi" in formats:
         yield from unit_paths(run.folder, len(run.scene.configurations))
+    if keys is not None and (keys.targets or any(target in TARGETS for target in formats)):
+        yield from (_passing(run, name) for name in run.flexible_names)
     for target in formats:
         if target in TARGETS:
             for name in run.flexible_names:
@@ -171,18 +192,9 @@ def _outputs(run: Run, due: Collection[str], report: bool) -> Iterator[Path]:
             yield from chosen.files(run.folder / program / PROFILES[program].file_name(name))
 
 
-def _inputs(run: Run) -> list[Path]:
-    """Files that the pipeline names."""
-    found, waiting = list[Path](), [run.pipeline.model_dump()]
-    while waiting:
-        value = waiting.pop()
-        if isinstance(value, Path):
-            found.append(value)
-        elif isinstance(value, dict):
-            waiting += value.values()
-        elif isinstance(value, (list, tuple)):
-            waiting += value
-    return found
+def _passing(run: Run, name: str) -> Path:
+    """File from which files of other programs are made, and which is removed then."""
+    return run.folder / STAGES_FOLDER / f"{name}.h5"
 
 
 def _write(run: Run) -> None:
@@ -211,7 +223,7 @@ def _write_body(run: Run, name: str, notes: Sequence[str]) -> list[Path]:
     formats, programs = run.pipeline.write.formats, run.pipeline.write.targets
     targets = [target for target in formats if target in TARGETS]
     # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
-    kept, other = run.folder / f"{name}.h5", run.folder / f"stages/{name}.h5"
+    kept, other = run.folder / f"{name}.h5", _passing(run, name)
     path = write_body(run, name, kept if "hdf5" in formats else other, notes)
     if path is None:
         return []
@@ -279,7 +291,7 @@ def _write_units(run: Run) -> tuple[Path, ...]:
     if "hdf5" in run.pipeline.write.formats:
         written = convert_system(kept, run.folder, version)
     else:
-        (path,) = write_system_file(run, run.folder / "stages/system.h5")
+        (path,) = write_system_file(run, _passing(run, "system"))
         try:
             written = convert_system(path, run.folder, version)
         finally:

@@ -14,7 +14,7 @@ from cmsreduce.write.component import (
 )
 from cmsreduce.write.export import EXPORTS, export_scene
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
-from cmsreduce.write.own_files import refuse_foreign
+from cmsreduce.write.own_files import LOG_MARK, record_outputs, refuse_foreign, refuse_shared_names
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
 from cmsreduce.write.system import write_system
@@ -41,6 +41,7 @@ from cmsreduce.write.targets import (
 __all__ = [
     "ComponentFile",
     "EXPORTS",
+    "LOG_MARK",
     "LinearModel",
     "PROFILES",
     "Port",
@@ -63,7 +64,9 @@ __all__ = [
     "put_texts",
     "read_component",
     "read_system",
+    "record_outputs",
     "refuse_foreign",
+    "refuse_shared_names",
     "stored_integrals",
     "summary",
     "system_settings",

@@ -7,8 +7,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from cmsreduce.errors import WriteError
+from cmsreduce.write.files import atomic_path
 
-__all__ = ["refuse_foreign"]
+__all__ = ["LOG_MARK", "record_outputs", "refuse_foreign", "refuse_shared_names"]
+
+LOG_MARK = "log of cmsreduce: tracebacks of what failed alone\n"
+"""First line of the log of failures."""
 
 _GENERATOR = b'name="generator" content="cmsreduce'
 # Pages of versions before the mark.
@@ -16,15 +20,18 @@ _EARLY_PAGE = b"script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src d
 _PAGE_HEAD = 1 << 20
 # Folders that only a run or a sweep makes.
 _RUN_FOLDERS = ("stages", "points")
-_SUMMARY_KEYS = {"name", "components"}
+# A pipeline may be JSON, too, and has the first two.
+_SUMMARY_KEYS = {"name", "components", "configurations", "worst"}
+# List of the files that runs wrote into a folder.
+_RECORD = f"{_RUN_FOLDERS[0]}/written.json"
 _REMEDY = "choose another `output:` (or --out), or move the file away"
 
 
 def refuse_foreign(outputs: Iterable[Path], inputs: Sequence[Path] = ()) -> None:
     """Refuse to replace files that this program did not write, before anything is computed.
 
-    An HDF5 file, a summary or a page is known by its mark; files of other formats have none, and are known by the
-    folder or the one above: it must be that of an earlier run.
+    An HDF5 file, a summary, a page or a log is known by its mark; files of other formats have none, and are known by
+    the record of the run directory, which is their folder or the one above.
 
     Parameters
     ----------
@@ -48,6 +55,46 @@ def refuse_foreign(outputs: Iterable[Path], inputs: Sequence[Path] = ()) -> None
             raise WriteError(f"{path}: a file of this name is there that cmsreduce did not write; {_REMEDY}")
 
 
+def refuse_shared_names(outputs: Sequence[Path]) -> None:
+    """Refuse a run of which two results would be one file, such as that of a component and of the system.
+
+    Raises
+    ------
+    WriteError
+        For the first name that two of the files have.
+    """
+    for number, path in enumerate(outputs):
+        if path in outputs[:number]:
+            raise WriteError(
+                f"{path}: two results of this run would have this name, and the second would replace the first; give "
+                "the component another name, or leave one of the formats out"
+            )
+
+
+def record_outputs(folder: Path, outputs: Iterable[Path]) -> None:
+    """Add files that a run is about to write to the record of its folder, by which the next run knows them.
+
+    Raises
+    ------
+    WriteError
+        If the record cannot be written.
+    """
+    names = {path.relative_to(folder).as_posix() for path in outputs} | (_recorded(folder) or set())
+    with atomic_path(folder / _RECORD) as temporary:
+        temporary.write_text(json.dumps(sorted(names), indent=1), encoding="utf-8")
+
+
+def _recorded(folder: Path) -> set[str] | None:
+    """Files of a folder that runs wrote; None where earlier versions, which kept no record, made it."""
+    try:
+        found = json.loads((folder / _RECORD).read_bytes())
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, RecursionError):
+        return set()
+    return {str(name) for name in found} if isinstance(found, list) else set()
+
+
 def _is_own(path: Path) -> bool:
     if not path.is_file():
         return False
@@ -61,10 +108,18 @@ def _is_own(path: Path) -> bool:
             with path.open("rb") as file:
                 head = file.read(_PAGE_HEAD)
             return _GENERATOR in head or _EARLY_PAGE in head
+        if path.suffix == ".log":
+            with path.open("rb") as file:
+                if file.read(len(LOG_MARK)) == LOG_MARK.encode():
+                    return True
     except (OSError, ValueError, RecursionError):
         return False
     # A program's files lie in a folder of their own in the run directory.
-    return any((folder / name).is_dir() for folder in path.parents[:2] for name in _RUN_FOLDERS)
+    for folder in path.parents[:2]:
+        if any((folder / name).is_dir() for name in _RUN_FOLDERS):
+            recorded = _recorded(folder)
+            return recorded is None or path.relative_to(folder).as_posix() in recorded
+    return False
 
 
 def _hdf5_format(path: Path) -> str | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import h5py
 import pytest
+from ruamel.yaml import YAML
 
 from tests.cli.test_sweep import call
 
@@ -43,6 +44,59 @@ def test_an_input_is_not_replaced_by_a_result(study: Path) -> None:
     assert found.exit_code == 2
     assert f"{deck}: this file is read by the run and would be replaced" in found.stderr
     assert deck.read_bytes() == before
+
+
+def test_an_included_file_is_not_replaced_by_a_result(study: Path) -> None:
+    """The result has the name of a file that a deck includes; an earlier run has made the folder its own."""
+    inputs = study.parent
+    deck, included = inputs / "arm.bdf", inputs / "panel.SID_FEM"
+    grids = deck.read_text().replace("BEGIN BULK\n", "").replace("ENDDATA\n", "")
+    included.write_text(grids)
+    deck.write_text(f"BEGIN BULK\nINCLUDE '{included.name}'\nENDDATA\n")
+    (inputs / "stages").mkdir()
+    for again in range(2):
+        found = call("run", study, "--quiet", "--out", inputs, "--set", "write.formats=[sid]")
+        assert found.exit_code == 2, again
+        assert f"{included}: this file is read by the run and would be replaced" in found.stderr
+        assert included.read_text() == grids
+
+
+def test_a_pipeline_in_json_is_not_taken_for_a_summary(study: Path) -> None:
+    path = study.with_name("summary.json")
+    path.write_text(json.dumps(YAML(typ="safe").load(study.read_text())))
+    before = path.read_bytes()
+    found = call("run", path, "--quiet", "--out", study.parent)
+    assert found.exit_code == 2 and f"{path}: this file is read by the run" in found.stderr
+    assert path.read_bytes() == before
+    study.with_name("mine").mkdir()
+    path.rename(other := study.with_name("mine") / "summary.json")
+    found = call("run", study, "--quiet", "--out", other.parent)
+    assert (
+        found.exit_code == 2 and f"{other}: a file of this name is there that cmsreduce did not write" in found.stderr
+    )
+
+
+def test_a_foreign_file_of_a_run_directory_is_not_replaced(study: Path) -> None:
+    """Files without a mark are known by the record of the files that runs wrote."""
+    out = study.parent / "out"
+    assert call("run", study, "--quiet").exit_code == 0
+    mine, log, passing = out / "panel.SID_FEM", out / "failures.log", out / "stages" / "arm.h5"
+    for path in (mine, log, passing):
+        path.write_text("mine")
+        found = call("run", study, "--quiet", "--set", "write.formats=[sid]")
+        assert found.exit_code == 2, path
+        assert f"{path}: a file of this name is there that cmsreduce did not write" in found.stderr
+        assert path.read_text() == "mine"
+        path.unlink()
+    assert call("run", study, "--quiet", "--set", "write.formats=[sid]").exit_code == 0
+    assert call("run", study, "--quiet", "--set", "write.formats=[sid]").exit_code == 0
+
+
+def test_two_results_of_one_name_are_refused(study: Path) -> None:
+    text = study.read_text().replace("arm", "system-0")
+    study.write_text(text.replace("system-0.op4", "arm.op4").replace("system-0.bdf", "arm.bdf"))
+    found = call("run", study, "--quiet", "--set", "write.formats=[fmi]")
+    assert found.exit_code == 2 and "system-0.fmu: two results of this run would have this name" in found.stderr
 
 
 def test_clearing_the_cache_leaves_foreign_files(study: Path) -> None:

@@ -16,6 +16,7 @@ from cmsreduce.read import sha256_of
 __all__ = [
     "body_key",
     "file_size",
+    "named_files",
     "projected_error",
     "proof_key",
     "read_key",
@@ -34,10 +35,8 @@ _BESIDE = (".dof", ".12d", ".12D", ".asm", ".ASM", ".pch", ".PCH")
 def body_key(pipeline: Pipeline, name: str) -> str:
     """Hash of the keys that say which body a component is: equal for copies of one body."""
     part = pipeline.components[name]
-    # The interface that holds a body while it is stiffened may be that of its frame.
-    frame = None if part.geometric_stiffness is None else pipeline.write_of(name).model_dump(mode="json")
     own = part.model_dump(mode="json", exclude=_OF_THE_PLACE | _DOWNSTREAM)
-    return stage_key("read", own, frame, pipeline.reduce_of(name) is None, _parameters(pipeline, name))
+    return stage_key("read", own, _frame(pipeline, name), pipeline.reduce_of(name) is None, _parameters(pipeline, name))
 
 
 def proof_key(pipeline: Pipeline, name: str) -> str:
@@ -49,24 +48,31 @@ def proof_key(pipeline: Pipeline, name: str) -> str:
     own = part.model_dump(exclude=_OF_THE_PLACE | _DOWNSTREAM | {"damping"})
     law = part.damping is not None and part.damping.matrix is None and not part.in_modes
     own["damping"] = "law" if law or part.damping is None else part.damping.model_dump()
-    files = {str(path): sha256_of(path) for path in sorted(_named(own)) if path.is_file()}
+    files = {str(path): sha256_of(path) for path in sorted(_with_beside(own)) if path.is_file()}
     return stage_key("proof", name, own, part.damping is None, pipeline.units.name, files)
 
 
 def file_size(pipeline: Pipeline, name: str) -> int:
     """Bytes of the files that a body is read from: a measure of the work on it."""
-    return sum(path.stat().st_size for path in {*_named(pipeline.components[name].model_dump())} if path.is_file())
+    files = {*_with_beside(pipeline.components[name].model_dump())}
+    return sum(path.stat().st_size for path in files if path.is_file())
 
 
-def _named(value: Any) -> Iterator[Path]:
-    """Files in the keys of a component, and those that readers look for beside them."""
+def named_files(value: Any) -> Iterator[Path]:
+    """Files in keys, such as those of a component."""
     if isinstance(value, Path):
         yield value
-        yield from (value.with_suffix(end) for end in _BESIDE if value.name)
     elif isinstance(value, Mapping):
-        yield from (path for each in value.values() for path in _named(each))
+        yield from (path for each in value.values() for path in named_files(each))
     elif isinstance(value, (list, tuple)):
-        yield from (path for each in value for path in _named(each))
+        yield from (path for each in value for path in named_files(each))
+
+
+def _with_beside(value: Any) -> Iterator[Path]:
+    """Files in the keys of a component, and those that readers look for beside them."""
+    for path in named_files(value):
+        yield path
+        yield from (path.with_suffix(end) for end in _BESIDE if path.name)
 
 
 def _parameters(pipeline: Pipeline, name: str) -> list[Any]:
@@ -94,7 +100,13 @@ def read_key(pipeline: Pipeline, name: str) -> str:
     part = pipeline.components[name].model_dump(mode="json", exclude=_DOWNSTREAM)
     scene = pipeline.scene.model_dump(mode="json", exclude={"band", "articulation", "parameters"})
     residuals = None if keys is None else keys.residuals
-    return stage_key("read", name, part, scene, residuals, _parameters(pipeline, name))
+    return stage_key("read", name, part, _frame(pipeline, name), scene, residuals, _parameters(pipeline, name))
+
+
+def _frame(pipeline: Pipeline, name: str) -> dict[str, Any] | None:
+    """Frame of a body whose interface may hold it while it is stiffened; None for a body that is not."""
+    stiffened = pipeline.components[name].geometric_stiffness is not None
+    return pipeline.write_of(name).model_dump(mode="json") if stiffened else None
 
 
 def reference_key(flexible: FlexibleBody, cutoff_hz: float, fits: bool, wide: bool) -> str:
@@ -163,6 +175,8 @@ def system_key(
         asked.append([keys.limits.model_dump(exclude_none=True), keys.between, loop])
     elif any(ranking.rank == CLOSED_LOOP or ranking.keep.rule == "frf_error" for ranking in _rankings(pipeline)):
         asked.append(loop)
+    if keys is not None and any(ranking.keep.minimise == "cost" for ranking in _rankings(pipeline)):
+        asked.append(keys.cost.model_dump(include={"integrator", "accuracy"}))
     if stage == "balance":
         settings.pop("project")
     elif pipeline.project is not None:

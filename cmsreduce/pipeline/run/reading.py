@@ -115,7 +115,7 @@ class ReadStages:
         "read",
         key=lambda run, name: run.proof_key(name),
         stored=lambda run, name: not needs_files(run.pipeline, name),
-        again=lambda found: found.outdated,
+        again=lambda run, found, name: found.outdated,
         needed=True,
     )
     def _proven(self, name: str) -> ProvenBody:
@@ -145,6 +145,12 @@ class ReadStages:
         self._at_once(self._proven, [name for name in self.flexible_names if name in firsts.values()])
         for name in self.flexible_names:
             self.flexible(name)
+
+    @property
+    def files_read(self) -> list[Path]:
+        """Files that the bodies were read from, those that their decks include among them."""
+        firsts = {self.body_key(name): name for name in self.flexible_names[::-1]}
+        return [Path(path) for name in firsts.values() for path in self._proven(name).files]
 
     def _at_once(self, work: Callable[[str], object], names: Sequence[str]) -> None:
         """Do a piece of work on small bodies, several at a time; the run holds the results.

@@ -65,7 +65,7 @@ class VerifyStages(SystemStages):
         key=lambda run: run._system_key("verify") if run.has_response else None,
         needs=["model", "comparison"],
         notes=lambda run, found: run.verification_notes(found),
-        again=lambda found: bool(found.failures),
+        again=lambda run, found: bool(found.failures),
     )
     def _verified(self) -> Verified:
         with collecting(Failures(log=self.stages.failures.log)) as failed:

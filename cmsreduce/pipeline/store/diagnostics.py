@@ -17,6 +17,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import Failure
+from cmsreduce.write import LOG_MARK
 
 __all__ = ["DIAGNOSTICS", "Failures", "collecting", "diagnostic", "report_failures"]
 
@@ -72,6 +73,8 @@ class Failures:
             with suppress(OSError):
                 self.log.parent.mkdir(parents=True, exist_ok=True)
                 with self.log.open("a", encoding="utf-8", errors="backslashreplace") as stream:
+                    # A log without this line is a file of the user.
+                    stream.write("" if stream.tell() else LOG_MARK)
                     stream.write(f"{failure.line}\n{details}\n")
 
     def record(self, what: str, error: Exception, *, required: bool = False, limits: tuple[str, ...] = ()) -> None:

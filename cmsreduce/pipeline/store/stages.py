@@ -250,7 +250,7 @@ def stage(
     notes: Callable[..., Iterable[str]] | None = None,
     stored: Literal["always", "in common", "never"] | Callable[..., bool] = "always",
     common: int = 0,
-    again: Callable[[Any], bool] | None = None,
+    again: Callable[..., bool] | None = None,
     needed: bool = False,
 ) -> Callable[[Callable[Concatenate[Any, P], T]], Callable[Concatenate[Any, P], T]]:
     """Make a method of a run a stage that is done once.
@@ -278,7 +278,8 @@ def stage(
     common : int
         Number of results that runs of a sweep hold together in memory.
     again : callable, optional
-        Takes a stored result, tells whether a part of it failed, so that a run makes it again; a report shows it.
+        Takes the run, a stored result and the arguments, tells whether a part of it failed or lacks, so that a run
+        makes it again; a report shows it.
     needed : bool
         True for a stage that is made in any case, also where another one alone was asked for, and that need not be
         stored, such as where the disk is full.
@@ -298,7 +299,8 @@ def stage(
                 of = about(run, *args, **named)
                 on_disk = stored == "always" or (stored == "in common" and stages.common is not None)
                 on_disk = stored(run, *args, **named) if callable(stored) else on_disk
-                entry = _Entry(work.__name__, name, of, digest, on_disk and key is not None, common, again, needed)
+                lacks = None if again is None else lambda found: again(run, found, *args, **named)
+                entry = _Entry(work.__name__, name, of, digest, on_disk and key is not None, common, lacks, needed)
                 with ExitStack() as claim:
                     result = stages.find(entry, run, claim)
                     if result is _MISSING:
