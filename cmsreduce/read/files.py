@@ -211,9 +211,11 @@ def sha256_of(path: Path) -> str:
     """
     try:
         state = Path(path).stat()
-        if time.time_ns() - state.st_mtime_ns < _SETTLED_NS:
+        # A copy may carry the time of another file's writing.
+        changed = max(state.st_mtime_ns, state.st_ctime_ns)
+        if time.time_ns() - changed < _SETTLED_NS:
             return _sha256(Path(path))
-        return _sha256_of_state(Path(path).absolute(), state.st_size, state.st_mtime_ns, state.st_ino)
+        return _sha256_of_state(Path(path).absolute(), state.st_size, changed, state.st_ino)
     except OSError as error:
         raise ReadError(f"{path}: cannot be read: {error.strerror or error}") from error
 

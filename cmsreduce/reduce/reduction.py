@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field
 from functools import partial
@@ -62,13 +62,6 @@ class Examined:
     component: ReducedComponent
     missed: Array = field(default_factory=lambda: np.empty(0))
     enriched: ReducedComponent | None = None
-
-    def worst(self, names: Sequence[str]) -> dict[str, float]:
-        """Largest missed share by name, where several loads have one name."""
-        found: dict[str, float] = {}
-        for name, share in zip(names, self.missed, strict=False):
-            found[name] = max(found.get(name, 0.0), float(share))
-        return found
 
 
 class Reduction(ABC):

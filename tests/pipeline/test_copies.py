@@ -5,12 +5,14 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from pyyeti.nastran import op4
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.models_in_memory import AssembledSystem
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.bodies import bodies, from_keys, proven_bodies
 from cmsreduce.write import read_component
+from tests.frames import frame
 from tests.pipeline.study import Log, arm, write_body
 
 NAMES = ("fl", "fr", "rl", "rr")
@@ -142,3 +144,19 @@ def test_each_copy_is_told_what_its_own_sensors_miss(tmp_path):
     assert set(run.final) == set(NAMES)
     missed = [note for note in run.stages.notes if "sensor 'tip'" in note]
     assert missed and all(note.startswith("fr: ") for note in missed)
+
+
+def test_damped_shapes_of_one_copy_or_of_one_compared_model_are_its_own(tmp_path):
+    """Mode sets of one method and cutoff that differ in `damped` alone."""
+    own = "    reduce: {damped: true}\n"
+    path = cart(tmp_path, copies=True, reduce="{cutoff: 3}", own=own, names=("fl", "fr", "rr"))
+    damper = frame("arm", arm().nodes.xyz, [(3, 4)]).K.toarray()
+    op4.write(str(tmp_path / "d.op4"), {"BAA": 1e-3 * damper})
+    text = path.read_text().replace("{modal: 0.01}", "{matrix: {file: d.op4, matrix: BAA}}")
+    compared = [f"    {each}: {{keep: all, reduce: {{cutoff: 6, damped: {each}}}}}\n" for each in ("false", "true")]
+    path.write_text(text + "verify:\n  compare:\n" + "".join(compared))
+    run = opened(path)
+    sizes = {name: modal.omega.size for name, modal in run.final.items()}
+    assert sizes["rr"] > sizes["fl"] == sizes["fr"]
+    models = run.models()
+    assert models["true"].shapes["fl"].omega.size > models["false"].shapes["fl"].omega.size

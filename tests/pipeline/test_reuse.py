@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.run.keys import read_key
 from tests.frames import line
 from tests.pipeline.study import write_body
 
@@ -93,6 +94,44 @@ def test_a_change_redoes_what_depends_on_it(
     run = opened(setting.replace("{folder}", str(study.parent)))
     execute(run, study, report=False)
     assert sorted(done(run)) == sorted(redone)
+
+
+@pytest.mark.usefixtures("run_before")
+def test_a_sensor_that_moves_is_told_what_the_modes_miss(
+    opened: Callable[..., Run], study: Path, finished_study: Path
+) -> None:
+    """Sensors change no mode, so that these are reused; the note on the flexibility there is that of a fresh run."""
+    moved = "scene.sensors.gyro={at: arm.3, measure: [ry, rz], rate: true}"
+    noted, redone = [], []
+    for setting in (moved, "verify.frf.points=60", moved):
+        run = opened(setting)
+        execute(run, study, report=False)
+        noted.append([note for note in summary(study)["notes"] if "no static shape for sensor" in note])
+        redone.append([entry for entry in done(run) if entry not in LAST])
+    assert redone == [["reduce arm"], [], []]
+    assert {note.partition(" and lacks")[0] for note in noted[0]} == {
+        f"arm: its basis has no static shape for sensor 'gyro.{dof}'" for dof in ("ry", "rz")
+    }
+    assert (noted[1], noted[2]) == ([], noted[0])
+    shutil.rmtree(study.parent / "out")
+    execute(opened(moved), study, report=False)
+    assert [note for note in summary(study)["notes"] if "no static shape for sensor" in note] == noted[0]
+
+
+def test_what_a_choice_by_cost_depends_on_is_in_its_key(opened: Callable[..., Run]) -> None:
+    for rule, same in (("{limits: all, minimise: cost}", False), ("limits", True)):
+        asked = [f"balance.keep={rule}", "verify.limits.db_error=1.0", "verify.cost.integrator="]
+        runs = [opened(*asked[:2], asked[2] + each) for each in ("central_difference", "trapezoidal")]
+        assert (runs[0]._system_key("balance") == runs[1]._system_key("balance")) == same
+
+
+def test_points_of_a_sweep_that_hold_a_stiffened_body_elsewhere_do_not_share_it(opened: Callable[..., Run]) -> None:
+    stiffened = "components.arm.geometric_stiffness={bars: all}"
+    held = [f"write.frame={{kind: clamped, at: {face}}}" for face in ("root", "tip")]
+    ends = "components.panel.interfaces={root: {node: 1}, tip: {node: 5}}"
+    pipelines = [opened(stiffened, ends, frame).pipeline for frame in held]
+    assert len({read_key(each, "arm") for each in pipelines}) == 2
+    assert len({read_key(each, "panel") for each in pipelines}) == 1
 
 
 @pytest.mark.usefixtures("run_before")

@@ -1,6 +1,7 @@
 """The dispatch: formats by content, matrices by name, dof lists, hashes."""
 
 import hashlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -214,6 +215,17 @@ def test_hash(tmp_path: Path) -> None:
     assert hashlib.sha256(b"").hexdigest() != sha256_of(path)
     with pytest.raises(ReadError, match="cannot be read"):
         sha256_of(tmp_path / "absent")
+
+
+def test_a_file_that_keeps_size_and_time_has_another_hash(tmp_path: Path) -> None:
+    """A copy that carries the time of its source, as `cp -p` makes it, in a process that lives on."""
+    path = tmp_path / "k"
+    hashes = []
+    for content in (b"abc", b"abd"):
+        path.write_bytes(content)
+        os.utime(path, (1e9, 1e9))
+        hashes.append(sha256_of(path))
+    assert hashes == [hashlib.sha256(content).hexdigest() for content in (b"abc", b"abd")]
 
 
 def test_heavy_libraries_wait_until_a_file_needs_them() -> None:

@@ -11,7 +11,7 @@ from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
 from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
-from cmsreduce.pipeline.bodies.proven_bodies import ProvenBody, needs_files, proven_body
+from cmsreduce.pipeline.bodies.proven_bodies import ProvenBody, hash_of, needs_files, proven_body
 from cmsreduce.pipeline.bodies.reference import (
     ALL_MODES_LIMIT,
     WRITTEN_LIMIT,
@@ -46,6 +46,7 @@ __all__ = [
     "damping_remark",
     "effective_masses",
     "in_free_modes",
+    "hash_of",
     "in_scene",
     "material_of",
     "needs_files",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from cmsreduce.assemble import joined_to
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import CutoffChoice, ModalComponent, Point, RigidBody, Scene
-from cmsreduce.pipeline.bodies import FlexibleBody, body_reduction, probing_loads
+from cmsreduce.pipeline.bodies import FlexibleBody, body_reduction, hash_of, probing_loads
 from cmsreduce.pipeline.choose.cutoff import START
 from cmsreduce.pipeline.choose.paths import off_every_path
 from cmsreduce.pipeline.store import once, stage_key
@@ -141,8 +140,10 @@ class ModeSets:
         keys = self.keys(name, other)
         if name in self.unneeded or keys == self.keys(name):
             return name
-        inside = "" if keys.interface_cutoff_bands is None else f".{keys.interface_cutoff_bands:g}"
-        return f"{name}.{keys.method}.{keys.cutoff_bands:g}{inside}"
+        # In full: two mode sets of a body never have one name.
+        cutoffs = [each for each in (keys.cutoff_bands, keys.interface_cutoff_bands) if each is not None]
+        numbers = [repr(float(each)).removesuffix(".0") for each in cutoffs]
+        return ".".join([name, keys.method, *numbers, *(["damped"] if keys.damped else [])])
 
     def alike(self, name: str, other: ModeSetKeys | None = None) -> list[str]:
         """Bodies with the same reduction as one of them, in order: copies with the same ports and mode set.
@@ -170,7 +171,7 @@ class ModeSets:
         if name in self.unneeded:
             return fingerprint, "rigid"
         keys = self.stated(name, other)
-        return fingerprint, keys.method, keys.cutoff_bands, keys.interface_cutoff_bands
+        return fingerprint, keys.method, keys.cutoff_bands, keys.interface_cutoff_bands, keys.damped
 
     def _loaded(self, name: str, other: ModeSetKeys | None) -> bool:
         """The neighbours of a body take part in its reduction."""
@@ -233,26 +234,38 @@ class ModeSets:
             )
         if free is not None:
             method = method.counted_by(free)
-        ports, tested = flexible.ports, np.hstack([loads for _, (_, loads) in self._tested_on_copies(name, other)])
+        # Loads on its copies count, too; the factor that they need is computed once.
+        loads = [self._tested(each, self.stated(each, other))[1] for each in self.alike(name, other)]
+        ports, tested = flexible.ports, np.hstack(loads)
         return method.examine(flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich)
 
-    def missed(self, name: str, found: Examined, other: ModeSetKeys | None = None) -> dict[str, dict[str, float]]:
-        """Shares of the static flexibility that a basis misses, by body among its copies and by load of the scene."""
-        shares: dict[str, dict[str, float]] = {}
-        first = 0
-        for each, (loads, _) in self._tested_on_copies(name, other):
-            worst = replace(found, missed=found.missed[first:]).worst(loads)
-            shares[each] = {load: share for load, share in worst.items() if share > _NOTED}
-            first += len(loads)
-        return shares
+    def missed(self, name: str, found: Examined, other: ModeSetKeys | None = None) -> dict[str, float]:
+        """Share of the static flexibility that a basis misses, by hash of each load on the body and on its copies."""
+        hashes = [load for each in self.alike(name, other) for _, load in self._loads(each, other)]
+        return dict(zip(hashes, found.missed.tolist(), strict=False))
+
+    def untested(self, name: str, missed: Mapping[str, float], other: ModeSetKeys | None = None) -> bool:
+        """True if a load of the scene on a body, or on one of its copies, is not among those that were tested."""
+        if name in self.unneeded:
+            return False
+        return any(load not in missed for each in self.alike(name, other) for _, load in self._loads(each, other))
+
+    @once
+    def _loads(self, name: str, other: ModeSetKeys | None) -> list[tuple[str, str]]:
+        """Name and hash of each load of the scene on a body under which its basis is tested."""
+        names, loads = self._tested(name, self.stated(name, other))
+        return [(load, hash_of(b"", [column])) for load, column in zip(names, loads.T, strict=True)]
 
     def notes(self, name: str, missed: Mapping[str, float], other: ModeSetKeys | None = None) -> Iterator[str]:
-        """Notes on the limits of the mode set of a body."""
+        """Notes on the limits of the mode set of a body, from the shares that `missed` gives."""
         if name in self.unneeded:
             yield f"{name}: {self.unneeded[name]}; it is kept rigid, which costs no response anything (error 0)"
             return
-        for load, share in missed.items():
-            if self._at_rest(name, load):
+        shares: dict[str, float] = {}
+        for load, found in self._loads(name, other):
+            shares[load] = max(shares.get(load, 0.0), missed.get(found, 0.0))
+        for load, share in shares.items():
+            if share <= _NOTED or self._at_rest(name, load):
                 continue
             missing = self._missing_residual(name, load)
             if missing is None:
@@ -295,12 +308,6 @@ class ModeSets:
 
     def _tested(self, name: str, keys: ReduceKeys) -> tuple[tuple[str, ...], NDArray[np.float64]]:
         return probing_loads(self.bodies[name], self.scene, joints=issubclass(METHODS[keys.method], BenfieldHruda))
-
-    def _tested_on_copies(
-        self, name: str, other: ModeSetKeys | None
-    ) -> list[tuple[str, tuple[tuple[str, ...], NDArray[np.float64]]]]:
-        """Loads on each body that the reduction of a body counts for; the factor that they need is computed once."""
-        return [(each, self._tested(each, self.stated(each, other))) for each in self.alike(name, other)]
 
     def _interface_cutoffs_hz(self, other: ModeSetKeys | None) -> dict[str, float]:
         """Interface cutoff of every body whose interfaces of several nodes are reduced."""

@@ -17,7 +17,7 @@ from cmsreduce.pipeline.choose import CutoffSearch, ModeSets, asked_error, cutof
 from cmsreduce.pipeline.project import SceneBasis, SceneShapes
 from cmsreduce.pipeline.run.keys import read_key, reference_key
 from cmsreduce.pipeline.run.reading import HELD, ReadStages
-from cmsreduce.pipeline.store import once, stage, stage_key
+from cmsreduce.pipeline.store import decode, once, stage, stage_key
 from cmsreduce.pipeline.system import AssembledModel, ReducedModel, UnitLoads, unit_loads
 from cmsreduce.reduce import Examined
 
@@ -29,10 +29,10 @@ _CUTOFFS = "auto.cutoff"
 
 @dataclass(frozen=True, eq=False)
 class _Reduced:
-    """A reduced body; shares of the static flexibility that it misses under loads on it and on its copies; a remark."""
+    """A reduced body; share of the static flexibility that it misses under each load tested, by its hash; a remark."""
 
     component: ReducedComponent
-    missed: Mapping[str, Mapping[str, float]]
+    missed: Mapping[str, float]
     remark: str = ""
 
 
@@ -129,6 +129,8 @@ class BodyStages(ReadStages):
         what=_reduction_label,
         key=lambda run, name, other=None: run.mode_sets.reduce_key(name, other),
         needs=["_free_modes"],
+        # Sensors are no part of the key: one that moved changes no shape.
+        again=lambda run, found, name, other=None: run.mode_sets.untested(name, found.missed, other),
     )
     def _reduction(self, name: str, other: ModeSetKeys | None = None) -> _Reduced:
         sets, cutoff_hz = self.mode_sets, self.mode_sets.cutoff_hz(name, other)
@@ -137,7 +139,9 @@ class BodyStages(ReadStages):
         if found is None:
             found = sets.examine(name, cutoff_hz, other, free=self._free_modes(name, other))
         remark = self._scene_shapes.note(name) if other is None and name in sets.of_responses else ""
-        return _Reduced(found.component, sets.missed(name, found, other), remark)
+        before = self.stages.store.facts("reduce", self._reduction_label(name, other), sets.reduce_key(name, other))
+        known = {} if before is None else decode({}, before["value"]["fields"]["missed"], {})
+        return _Reduced(found.component, known | sets.missed(name, found, other), remark)
 
     def reduced(self, name: str, other: ModeSetKeys | None = None) -> ReducedComponent:
         """Reduce one body to its mode set, or to another one.
@@ -152,16 +156,20 @@ class BodyStages(ReadStages):
 
     def _mode_set_notes(self, found: ModalComponent, name: str, other: ModeSetKeys | None = None) -> Iterator[str]:
         sets = self.mode_sets
-        key = sets.reduce_key(name, other)
-        stored = "reduce", self._reduction_label(name, other), key
-        missed = self.stages.recall(*stored, "missed") or {}
-        notes = sets.notes(name, missed.get(name, {}), other)
+        stored = "reduce", self._reduction_label(name, other), sets.reduce_key(name, other)
+        notes = sets.notes(name, self._missed(name, other), other)
         of = "" if other is None or sets.label(name, other) == name else f"{self._compared_by(other)}: "
         yield from (of + note for note in notes)
         if other is None and (remark := self.stages.recall(*stored, "remark")):
             yield remark
         if other is None and (remark := damping_remark(found, self.scene.band[1])) is not None:
             yield remark
+
+    def _missed(self, name: str, other: ModeSetKeys | None) -> Mapping[str, float]:
+        """Share of the static flexibility that the basis of a body misses, by hash of the load."""
+        label, key = self._reduction_label(name, other), self.mode_sets.reduce_key(name, other)
+        found = self.stages.recall("reduce", label, key, "missed")
+        return {} if found is None else dict(found)
 
     def _compared_by(self, mode_set: ModeSetKeys) -> str:
         """The compared models of a mode set, by name."""
@@ -190,7 +198,11 @@ class BodyStages(ReadStages):
 
         Copies of a body in the same mode set have them from the first of them.
         """
-        return self._named(self._modal(name, other), name)
+        found = self._modal(name, other)
+        if self.stages.only is None and self.mode_sets.untested(name, self._missed(name, other), other):
+            # Its modes are those of an earlier run, which had not all of these sensors.
+            self._reduction(name, other)
+        return self._named(found, name)
 
     def reduce_bodies(self, *, orthonormal: bool) -> None:
         """Reduce all bodies, and bring them to orthonormal modes if asked; small ones several at a time."""
