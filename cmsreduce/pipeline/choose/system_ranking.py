@@ -13,7 +13,7 @@ from cmsreduce.config import CLOSED_LOOP, SYSTEM_COST, ScalingKeys
 from cmsreduce.errors import ConfigError, MatrixError
 from cmsreduce.model import Controller, ModalComponent
 from cmsreduce.pipeline.choose.ranked import channel_sizes
-from cmsreduce.pipeline.system import AssembledModel, closed_loop
+from cmsreduce.pipeline.system import AssembledModel, closed_loop, peaks
 from cmsreduce.project import Shares, closed_loop_shares, largest_shares, system_cost
 from cmsreduce.verify import channel_scales, frequency_grid
 
@@ -135,10 +135,8 @@ def _with_shares(
 
 def _scales(model: AssembledModel) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Scales of the outputs and of the inputs by the model's own response in the band, in every configuration."""
-    scene, grids = model.scene, []
-    for configuration in scene.configurations:
-        resonances = model.resonances(configuration)
-        grids.append(frequency_grid(scene.band, _POINTS, resonances.omega, resonances.zeta))
+    scene = model.scene
+    grids = [frequency_grid(scene.band, _POINTS, *peaks(model, each)) for each in scene.configurations]
     return [
         channel_scales(scene.actuators, scene.sensors, H - model.rigid_response(configuration, omega), H, omega)
         for configuration, omega, H in zip(

@@ -12,7 +12,7 @@ from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Configuration, ModalComponent, is_gyroscopic
 from cmsreduce.pipeline.store import once
-from cmsreduce.pipeline.system import ReducedModel, ReferenceModel, Target
+from cmsreduce.pipeline.system import ReducedModel, ReferenceModel, Target, peaks
 from cmsreduce.project import BodyModes, ResponseSample, SceneResponses, Shapes
 from cmsreduce.verify import db_error, decibel_grid, frequency_grid, frf_error, loud_channels
 
@@ -77,24 +77,25 @@ class SampledScene:
     @once
     def judge(self, configuration: Configuration) -> ScenePoints:
         """A configuration on the grids of the errors."""
-        band, found = self.reference.scene.band, self.reference.assembled.resonances(configuration)
-        decibel = decibel_grid(band)
-        fine = frequency_grid(band, _JUDGED, found.omega, found.zeta, _COARSE)
+        band, decibel = self.reference.scene.band, decibel_grid(self.reference.scene.band)
+        fine = frequency_grid(band, _JUDGED, *peaks(self.reference.assembled, configuration), _COARSE)
         every = np.unique(np.concatenate([fine, decibel]))
         sample = self._sample(self.reference.target(configuration, every))
         return ScenePoints(SceneResponses(self.bodies, [sample]), np.searchsorted(every, decibel))
 
     def _coarse_grid(self, configuration: Configuration) -> Real:
-        """A logarithmic grid, with each resonance of the reference model and its half-power points."""
+        """A logarithmic grid, with each peak of the reference model and its half-power points."""
         low, *_, high = decibel_grid(self.reference.scene.band)
-        found = self.reference.assembled.resonances(configuration)
-        inside = found.omega <= high
-        omega, width = found.omega[inside], np.maximum(found.zeta[inside], _NO_DAMPING) * found.omega[inside]
+        omega, zeta = peaks(self.reference.assembled, configuration)
+        inside = omega <= high
+        omega, width = omega[inside], np.maximum(zeta[inside], _NO_DAMPING) * omega[inside]
         grid = np.unique(np.concatenate([np.geomspace(low, high, _POINTS), omega - width, omega, omega + width]))
         grid = grid[(grid >= low) & (grid <= high)]
         if not omega.size:
             return np.asarray(grid)
-        least = _APART * width[abs(grid[:, None] - omega).argmin(axis=1)]
+        # A peak wider than the band takes no points of the grid away.
+        apart = np.minimum(width[abs(grid[:, None] - omega).argmin(axis=1)], np.log(high / low) / _POINTS * grid)
+        least = _APART * apart
         keep = [0]
         for k in range(1, grid.size):
             if grid[k] - grid[keep[-1]] >= least[k]:

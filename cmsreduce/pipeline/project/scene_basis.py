@@ -17,7 +17,7 @@ from cmsreduce.model import Configuration, Scene, Substructure, is_gyroscopic
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
 from cmsreduce.pipeline.project.scene_shapes import SceneShapes
-from cmsreduce.pipeline.system import AssembledModel
+from cmsreduce.pipeline.system import AssembledModel, peaks
 from cmsreduce.project import ESTIMATE_FACTOR
 from cmsreduce.reduce import ResponseBody
 from cmsreduce.verify import channel_scales, frequency_grid
@@ -167,9 +167,8 @@ class SceneBasis:
         return max((self._estimate(each, less, more) for each in self.configurations), key=lambda found: found.error)
 
     def _estimate(self, configuration: Configuration, less: AssembledModel, more: AssembledModel) -> _Estimate:
-        """The difference of both models, on a grid refined at resonances of the richer one."""
-        found = more.resonances(configuration)
-        omega = frequency_grid(self.scene.band, _POINTS, found.omega, found.zeta, _COARSE)
+        """The difference of both models, on a grid refined at the peaks of the richer one."""
+        omega = frequency_grid(self.scene.band, _POINTS, *peaks(more, configuration), _COARSE)
         H, H_less = (model.response(configuration, omega) for model in (more, less))
         elastic = H - more.rigid_response(configuration, omega)
         row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)

@@ -12,6 +12,7 @@ from cmsreduce.pipeline.system.comparison import Comparison
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.measure import MODEL, ModelMeasure
+from cmsreduce.pipeline.system.peaks import peaks
 from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality, mass_products
 from cmsreduce.pipeline.system.reduction_health import UnitLoads, channel_gains, reduction_checks, unit_loads
 from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
@@ -40,6 +41,7 @@ __all__ = [
     "highest_frequency",
     "mass_products",
     "midpoint_configurations",
+    "peaks",
     "reduced_cost",
     "reduction_checks",
     "selection_cost",

@@ -307,10 +307,10 @@ class AssembledModel:
         return H[:, :y, :u], np.sqrt(at_y[:, :, None] * at_u[:, None, :]) * per_rate[:, :, None]
 
     @_with_parameters
-    def modal_peaks(self, configuration: Configuration) -> NDArray[np.float64]:
-        """Height of the peak of each elastic mode up to a little above the band (k, outputs, inputs)."""
+    def modal_peaks(self, configuration: Configuration, zeta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height of the peak of each elastic mode up to a little above the band (k, outputs, inputs), at ratios."""
         system, (w, Phi) = self.system(configuration), self._modes(configuration)
-        zeta = np.maximum(self.resonances(configuration).zeta, _NO_DAMPING)
+        zeta = np.maximum(zeta, _NO_DAMPING)
         outputs = abs(system.C1 @ Phi + 1j * (system.C2 @ Phi) * w)
         inputs = abs(system.B.T @ Phi) / (2 * zeta * w**2)
         return np.asarray(np.einsum("yk,uk->kyu", outputs, inputs))

@@ -9,7 +9,6 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import (
     ERRORS,
     Configuration,
@@ -18,12 +17,12 @@ from cmsreduce.model import (
     Response,
 )
 from cmsreduce.pipeline.store import Progress, diagnostic, once
-from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.pipeline.system.model_errors import model_errors
+from cmsreduce.pipeline.system.peaks import peaks
 from cmsreduce.pipeline.system.reduced_model import ReducedModel
 from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
 from cmsreduce.pipeline.system.screening import Screen
-from cmsreduce.verify import db_errors, frequency_grid, frf_error, thinned, with_roots
+from cmsreduce.verify import db_errors, frequency_grid, frf_error, thinned
 
 __all__ = ["Comparison"]
 
@@ -67,7 +66,7 @@ class Comparison:
             points around the others. A peak that the reduced models lack then has the points of the grid alone.
         """
         every = [model.assembled for model in models]
-        found = [_peaks(model, configuration) for model in (every if quick else [self.reference.assembled, *every])]
+        found = [peaks(model, configuration) for model in (every if quick else [self.reference.assembled, *every])]
         omega, zeta = (np.concatenate(each) for each in zip(*found, strict=True))
         grid = frequency_grid(self.scene.band, self.points, omega, zeta, _COARSE if quick else 1)
         return thinned(grid, omega, zeta, self.points)
@@ -144,7 +143,7 @@ class Comparison:
     @property
     @once
     def _screen(self) -> Screen:
-        _, zeta = _peaks(self.reference.assembled, self.scene.configurations[0])
+        _, zeta = peaks(self.reference.assembled, self.scene.configurations[0])
         return Screen(
             self.reference.assembled, self.reference.decibel_grid, self.reference.few, float(zeta.min(initial=1.0))
         )
@@ -228,13 +227,3 @@ class Comparison:
             errors = model_errors(self.reference, target, model, H_r, in_db, each * target.omega.size, damped=damped)
             found.append((errors, H_r))
         return found, seconds
-
-
-def _peaks(model: AssembledModel, configuration: Configuration) -> tuple[Real, Real]:
-    """Frequencies in rad/s and damping ratios of the peaks of a model: its modes without damping and complex ones."""
-    found, s = model.resonances(configuration), np.empty(0, dtype=np.complex128)
-    # Roots that cannot be found are reported with the errors of the damping ratios.
-    with suppress(CmsReduceError, np.linalg.LinAlgError):
-        damped = model.damped_modes(configuration)
-        s = s if damped is None else damped.s
-    return with_roots(found.omega, found.zeta, s)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cmsreduce.model import Configuration, DampedPairs, MacMatrix, ModelErrors, UnpairedMode
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.pipeline.system.peaks import peak_damping
 from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality
 from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
 from cmsreduce.verify import (
@@ -163,7 +164,7 @@ def _alone(
     if not modes.size:
         return ()
     hz = model.resonances(configuration).omega[modes] / (2 * np.pi)
-    peaks = model.modal_peaks(configuration)[modes]
+    peaks = model.modal_peaks(configuration, peak_damping(model, configuration))[modes]
     seen = np.where(highest > 0, peaks / np.where(highest > 0, highest, 1.0), 0.0)
     found = []
     for each, share, energy in zip(hz, seen, model.kinetic_shares(configuration, modes.tolist()), strict=True):

@@ -25,6 +25,7 @@ from cmsreduce.model import (
 from cmsreduce.pipeline.bodies import FlexibleBody, probing_loads
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.pipeline.system.peaks import peak_damping
 from cmsreduce.verify import (
     StaticLoads,
     gain_sum,
@@ -295,7 +296,7 @@ def zeros_apart(
     low, high = (2 * np.pi * hz for hz in model.scene.band)
     # A band that starts at zero starts at the lowest frequency here: zeros below it belong to rigid motion.
     low = max(low, _BELOW * float(full.omega[full.omega > 0].min(initial=high)))
-    hidden = float(model.resonances(configuration).zeta.min(initial=np.inf))
+    hidden = float(peak_damping(model, configuration).min(initial=np.inf))
     joined, found = full.gains.size > 0, []
     for y, u in np.argwhere(joined).tolist():
         zeros, poles = [], []
