@@ -189,7 +189,7 @@ def _split(root: Entry, parts: list[str]) -> list[str]:
         key, parts = ".".join(parts[:count]), parts[count:]
         keys.append(key)
         if isinstance(known, list):
-            entry = known[int(key)] if key.isdigit() and int(key) < len(known) else None
+            entry = known[int(key)] if key.isdecimal() and int(key) < len(known) else None
         else:
             entry = known.get(key)
     return keys
@@ -197,7 +197,7 @@ def _split(root: Entry, parts: list[str]) -> list[str]:
 
 def _adapt(keys: tuple[str, ...], base: Entry, over: Entry) -> Entry:
     """Write out a short form before a merge, and clear it where ``over`` has another alternative."""
-    path = [int(key) if key.isdigit() else key for key in keys]
+    path = [int(key) if key.isdecimal() else key for key in keys]
     for model in models_at(path):
         if model.short_key and not isinstance(base.value, (dict, list)) and base.value is not None:
             base = Entry({model.short_key: base}, base.where)

@@ -27,6 +27,8 @@ _DEEPEST = 50
 _MOST_ENTRIES = 200_000
 # Characters: the parser reads some ten thousand a second, and a pipeline has a few thousand.
 _LONGEST_FILE, _LONGEST_SCALAR = 500_000, 2_000
+# Whole numbers in the arrays of all later stages have 64 bits.
+_LARGEST_WHOLE = 2**63 - 1
 # Texts that are held with their trees: a sweep reads one pipeline with many overrides.
 _HELD = 100
 
@@ -246,7 +248,8 @@ class _Reader:
             number: int | float | bool = self.yaml.constructor.construct_object(node)
         except (ValueError, YAMLError):
             raise ConfigError(f"{where}: key '{path}': '{text}' is not a number") from None
-        return number
+        # No node, count or thread has such a number: where a whole number is expected, it is refused by its key.
+        return float(text) if isinstance(number, int) and abs(number) > _LARGEST_WHOLE else number
 
 
 def plain(entry: Entry) -> object:
@@ -296,7 +299,7 @@ def merge(base: Entry, over: Entry, adapt: Adapt, keys: tuple[str, ...] = ()) ->
     """
     if over.whole or not isinstance(over.value, dict):
         return over
-    if isinstance(base.value, list) and over.where.line is None and all(key.isdigit() for key in over.value):
+    if isinstance(base.value, list) and over.where.line is None and all(key.isdecimal() for key in over.value):
         return Entry(_merge_items(base.value, over.value, adapt, keys), base.where)
     base = adapt(keys, base, over)
     if not isinstance(base.value, dict):

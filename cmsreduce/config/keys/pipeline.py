@@ -24,6 +24,8 @@ from cmsreduce.model import Units
 
 __all__ = ["Pipeline", "SolverKeys", "json_schema", "key_names"]
 
+# More than any machine has: larger numbers overflow in the libraries that they are handed to.
+_MOST_CORES = 4096
 _BYTES = {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
 _BYTES["TiB"] = 2.0**40
 _MEMORY = re.compile(r"([0-9]+(?:\.[0-9]*)?)\s*([kKMGT]?i?B)")
@@ -31,7 +33,7 @@ _MEMORY = re.compile(r"([0-9]+(?:\.[0-9]*)?)\s*([kKMGT]?i?B)")
 
 def _memory(value: object) -> object:
     """Bytes of an amount of memory such as ``8 GiB``."""
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
+    if isinstance(value, (int, float)):
         raise ValueError(f"an amount of memory with its unit is expected, such as 8 GiB, found {value!r}")
     if not isinstance(value, str):
         return value
@@ -64,6 +66,7 @@ class SolverKeys(Keys):
     threads: Count | None = Field(
         default=None,
         ge=1,
+        le=_MOST_CORES,
         description="Threads of dense and sparse algebra; by default OMP_NUM_THREADS, or all cores.",
         examples=[2],
     )
@@ -80,7 +83,7 @@ class SolverKeys(Keys):
         "not fit in memory. A matrix so ill conditioned that refinement does not converge is refused.",
         examples=["auto"],
     )
-    ranks: Annotated[int, Strict(), Field(ge=1)] = Field(
+    ranks: Annotated[int, Strict(), Field(ge=1, le=_MOST_CORES)] = Field(
         default=2, description="Processes of mumps, among which a factor is distributed.", examples=[2]
     )
     python: Plain | None = Field(

@@ -21,6 +21,7 @@ NO_PARTS = {
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
 _NO_NORMAL_MODES = ("guyan", "scene")
+_LARGEST_NODE = 2**63 - 1
 _DAMPED_MODES = ("craig-bampton", "macneal-rubin")
 
 
@@ -28,7 +29,9 @@ def _check_residual(value: object) -> str:
     text = str(value) if isinstance(value, int) and not isinstance(value, bool) else value
     if isinstance(text, str):
         node, _, dof = text.partition(".")
-        if text in _ALL_OF_A_KIND or (node.isdigit() and (not dof or dof in DOF_NAMES)):
+        if text in _ALL_OF_A_KIND or (
+            node.isdecimal() and int(node) <= _LARGEST_NODE and (not dof or dof in DOF_NAMES)
+        ):
             return text
     raise ValueError(
         f"{value!r} is no residual: write sensors, actuators, dampers, or a node and a dof of it, e.g. 1200.z (dofs: "
