@@ -16,7 +16,7 @@ from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.joints import available
 from cmsreduce.assemble.modes import check_closed_loop, closed_loop_modes, damped_modes, system_modes, undetermined
 from cmsreduce.assemble.outboard_mass import outboard_loading, outboard_masses
-from cmsreduce.assemble.placement import joint_axes, joint_tree, place_bodies
+from cmsreduce.assemble.placement import joint_arms, joint_tree, motion_axes, place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.ports import Ports, body_points, body_ports
 from cmsreduce.assemble.response import (
@@ -70,12 +70,13 @@ __all__ = [
     "held_bodies",
     "interface_substructure",
     "joined_to",
-    "joint_axes",
+    "joint_arms",
     "joint_rows",
     "joint_tree",
     "modal_states",
     "modal_substructure",
     "modal_weights",
+    "motion_axes",
     "nearest_closed",
     "neighbour_loading",
     "outboard_loading",

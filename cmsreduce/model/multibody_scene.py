@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError, not_among
 from cmsreduce.model.body import Interface
-from cmsreduce.model.joint import Joint, Point
+from cmsreduce.model.joint import FIRST_ROTATION, Joint, Point
 from cmsreduce.model.rigid_body import RigidBody
 from cmsreduce.model.scene import Channel, Configuration, Placement, Scene
 
@@ -60,15 +60,21 @@ class SceneJoint:
     ----------
     joint : Joint
         Name, interfaces, free motions, rigid arm between the interfaces, springs, dampers and inertias.
-    first_axes, second_axes : (3, 3) float64
-        Axes of the joint as rows, in the basic frame of the first and of the second body. They have equal directions
-        in the scene as it was built; free rotations turn them apart.
+    first_axes : (3, 3) float64
+        Axes of the joint as rows, in the basic frame of the first body.
+    second_axes : (3, 3) float64
+        Axes of its rotations in the configuration, as rows, in the basic frame of the second body. They have the
+        directions of the first interface's; but of two free rotations, the earlier one turns about an axis that the
+        second body carries, and the locked axis is normal to both.
     values : (6,) float64
         Values of its motions x y z rx ry rz in the configuration, in the scene's unit of length and radians. They move
         the outboard body in this order, each along an axis of the first interface as it lies then; so they move the
         second interface against the first one, or the other way round.
     locked : tuple of (tuple of int)
         Motions 0..5 along the axes that the joint locks, for each pair of nodes: those that the interfaces have.
+    arms : (p, 3) float64
+        Rigid arms from the first interface's nodes to the second's in the configuration, in the basic frame of the
+        first body: offset and slide.
     outboard : str
         Body that the joint carries, away from the base; empty for a joint that closes a loop.
     """
@@ -78,6 +84,7 @@ class SceneJoint:
     second_axes: Array
     values: Array
     locked: tuple[tuple[int, ...], ...]
+    arms: Array
     outboard: str
 
     @property
@@ -86,9 +93,10 @@ class SceneJoint:
         return not self.outboard
 
     @property
-    def offset(self) -> Array:
-        """Rigid arm from the first interface to the second, in the basic frame of the first body (3,)."""
-        return np.asarray(self.joint.offset or (0.0, 0.0, 0.0), dtype=np.float64)
+    def cross(self) -> tuple[int, int] | None:
+        """Axes 0..2 of two free rotations, the earlier one first, as of a universal joint; None for other joints."""
+        turning = sorted(dof - FIRST_ROTATION for dof in self.joint.free if dof >= FIRST_ROTATION)
+        return (turning[0], turning[1]) if len(turning) == 2 else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -117,16 +117,21 @@ class _Builder:
             raise SceneError(f"'{point}': {not_among('point', key, body.markers)}")
         return number, body.markers[key]
 
-    def _sides(self, point: Point, axes: Array, arm: Array) -> list[Side]:
-        """Sides of every node of an interface; axes and arm are along the body's basic axes."""
+    def _sides(self, point: Point, axes: Array, arms: Array | None = None) -> list[Side]:
+        """Sides of every node of an interface; axes and rigid arms are along the body's basic axes."""
         number, record = self.names.index(point.body), self.scene.body(point.body)
         body = self.bodies[number]
         keys = [point.name] if record.rigid is not None else [str(i) for i in record.interfaces[point.name].node]
-        return [Side(number, body.markers[key].on_arm(body.axes @ arm), axes @ body.axes.T) for key in keys]
+        if arms is None:
+            arms = np.zeros((len(keys), 3))
+        return [
+            Side(number, body.markers[key].on_arm(body.axes @ arm), axes @ body.axes.T)
+            for key, arm in zip(keys, arms, strict=True)
+        ]
 
     def _joined(self, joint: SceneJoint) -> list[Connection]:
-        first = self._sides(joint.joint.first, joint.first_axes, joint.offset)
-        second = self._sides(joint.joint.second, joint.second_axes, np.zeros(3))
+        first = self._sides(joint.joint.first, joint.first_axes, joint.arms)
+        second = self._sides(joint.joint.second, joint.second_axes)
         return [
             Connection(joint.joint.name, a, b, *_locks(locked))
             for a, b, locked in zip(first, second, joint.locked, strict=True)
@@ -134,7 +139,7 @@ class _Builder:
 
     def _grounded(self, point: Point) -> list[Connection]:
         face, found = self.scene.body(point.body).interfaces[point.name], []
-        for side, components in zip(self._sides(point, np.eye(3), np.zeros(3)), face.components, strict=True):
+        for side, components in zip(self._sides(point, np.eye(3)), face.components, strict=True):
             if set(components) not in ({1, 2, 3}, {1, 2, 3, 4, 5, 6}):
                 raise SceneError(
                     f"ground: '{point}' has the dofs {''.join(map(str, components))}; a simulation in space holds an "

@@ -14,7 +14,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import Run, execute
 from tests.pipeline.study import Log, arm, panel, write_body
 
-__all__ = ["BEAM", "ROBOT", "assembled", "finished", "finished_robot", "linear", "pulse"]
+__all__ = ["BEAM", "GIMBAL", "ROBOT", "assembled", "finished", "finished_robot", "linear", "pulse"]
 
 # A joint of every kind: two axes with springs, an arm, a slide, a weld, a ring closed by a ball; ground; a copy.
 ROBOT = """\
@@ -71,6 +71,60 @@ scene:
     slide: {{joint: rail, rate: true}}
     stretch: {{between: [arm.4, panel.6]}}
     sight: {{rows: {{panel.6.x: 1.0, arm.2.ry: -0.3}}}}
+reduce: {{cutoff: 3}}
+write: {{formats: [hdf5]}}
+"""
+
+# A turned universal joint with an arm on a flexible body, and a turned ball; ENDS, EARLIER and LATER are open.
+GIMBAL = """\
+name: gimbal
+output: {output}
+components:
+  arm:
+    stiffness: {{file: arm.op4, matrix: KAA}}
+    mass: {{file: arm.op4, matrix: MAA}}
+    geometry: arm.bdf
+    interfaces: {{root: {{node: 1, frame: {{axis: [1, 2, 3], angle: 50 deg}}}}, tip: {{node: 5}}}}
+    damping: {{modal: 0.02}}
+    place: {{at: [0.1, 0.2, 0.3], rotate: {{axis: [1, 0, 2], angle: 35 deg}}}}
+  mount:
+    rigid: {{mass: 5, cg: [0.1, 0, 0.05], inertia: [0.4, 0.5, 0.6, 0.02, 0, 0.01]}}
+    interfaces: {{
+      h: {{position: [0.1, 0.2, 0.3], frame: {{axis: [0, 1, 1], angle: 20 deg}}}}, wall: {{position: [0, 0, 0]}}}}
+  pod:
+    rigid: {{mass: 2, cg: [0.2, 0.1, -0.1], inertia: [0.05, 0.06, 0.07, 0.01, 0.002, 0]}}
+    interfaces: {{socket: {{position: [0, 0, 0]}}}}
+    place: {{at: [0.924708667, 0.566979361, 0.387645666], rotate: {{axis: [1, 0, 2], angle: 35 deg}}}}
+scene:
+  band: 20 Hz
+  base: mount
+  ground: [mount.wall]
+  joints:
+    cross:
+      connect: [ENDS]
+      free: [EARLIER, LATER]
+      stiffness: {{EARLIER: 40 N*m/rad, LATER: 90 N*m/rad}}
+      damping: {{EARLIER: 0.3 N*m*s/rad, LATER: 0.2 N*m*s/rad}}
+      inertia: {{EARLIER: 0.02 kg*m^2}}
+    ball:
+      connect: [arm.tip, pod.socket]
+      offset: [0.1, -0.1, 0.05]
+      free: [rx, ry, rz]
+      stiffness: {{rx: 20 N*m/rad, ry: 30 N*m/rad, rz: 25 N*m/rad}}
+      damping: {{ry: 0.1 N*m*s/rad}}
+  articulation: [{{cross.EARLIER: 25 deg, cross.LATER: 50 deg, ball.rx: 30 deg, ball.ry: -40 deg, ball.rz: 20 deg}}]
+  actuators:
+    one: {{joint: cross, dof: EARLIER}}
+    two: {{joint: cross, dof: LATER}}
+    three: {{joint: ball, dof: rz}}
+  sensors:
+    first: {{joint: cross, dof: EARLIER}}
+    second: {{joint: cross, dof: LATER}}
+    first_rate: {{joint: cross, dof: EARLIER, rate: true}}
+    second_rate: {{joint: cross, dof: LATER, rate: true}}
+    third: {{joint: ball, dof: ry}}
+    third_rate: {{joint: ball, dof: rz, rate: true}}
+    pod: {{at: pod.cg, measure: [x, y, z, rx]}}
 reduce: {{cutoff: 3}}
 write: {{formats: [hdf5]}}
 """

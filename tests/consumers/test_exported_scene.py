@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import subprocess
 import sys
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cmsreduce.errors import WriteError
 from cmsreduce.pipeline.results import multibody_scene
+from cmsreduce.simulate import Pulse, simulate_scene
 from cmsreduce.write import export_scene
-from tests.consumers.exported import BEAM, assembled, finished, linear, pulse
+from tests.consumers.exported import BEAM, GIMBAL, assembled, finished, linear, pulse
 from tests.consumers.predictions import PlaneBeam
 from tests.frames import line
-from tests.pipeline.study import write_body
+from tests.pipeline.study import arm, write_body
 
 pytest.importorskip("exudyn")
 
@@ -42,7 +45,30 @@ def exported(run: Path, folder: Path, configuration: str | None = None) -> Modul
 def test_small_motions_are_those_of_the_assembled_system(robot: Path, tmp_path: Path, number: int) -> None:
     """Frequencies of the script's own linearisation, and every sensor's answer to every actuator."""
     name, system = assembled(robot, number)
-    script = exported(robot, tmp_path / "exudyn", name)
+    small_motions(exported(robot, tmp_path / "exudyn", name), system)
+
+
+@pytest.mark.parametrize(
+    ("ends", "earlier", "later"),
+    [
+        ("mount.h, arm.root", "rx", "ry"),
+        ("arm.root, mount.h", "rx", "ry"),
+        ("arm.root, mount.h", "rx", "rz"),
+        ("mount.h, arm.root", "ry", "rz"),
+    ],
+)
+def test_small_motions_of_turned_universal_joints_and_balls(
+    tmp_path: Path, ends: str, earlier: str, later: str
+) -> None:
+    """The axes of springs, motors and sensors are those of the assembled system; an arm swings with its node."""
+    write_body(tmp_path, arm())
+    text = GIMBAL.replace("ENDS", ends).replace("EARLIER", earlier).replace("LATER", later)
+    run = finished(tmp_path, text)
+    name, system = assembled(run, 0)
+    small_motions(exported(run, tmp_path / "exudyn", name), system, 2.5e-4)
+
+
+def small_motions(script: ModuleType, system: dict[str, Any], step: float = 5e-4) -> None:
     for k, actuator in enumerate(script.LAWS):
         script.LAWS[actuator] = pulse(1e-4 * (1 + k), 0.15 / (1 + k % 3))
     scene = script.build()
@@ -51,12 +77,41 @@ def test_small_motions_are_those_of_the_assembled_system(robot: Path, tmp_path: 
     expected = system["frequency_hz"]
     # Exudyn differentiates springs numerically.
     np.testing.assert_allclose(found[-expected.size :], expected, rtol=1e-6)
-    times, seen, _ = scene.simulate(0.2, 5e-4, 1e-11)
+    times, seen, _ = scene.simulate(0.2, step, 1e-11)
     answer = linear(system, [script.LAWS[name] for name in script.LAWS], times)
     assert [*scene.channels] == [name.decode() for name in system["outputs"]]
     apart = np.sqrt(((seen - answer) ** 2).mean(axis=0) / (answer**2).mean(axis=0))
     # The rest falls with the square of the step, from 2e-2 at 1 ms.
     assert apart.max() < 1e-2, dict(zip(scene.channels, apart, strict=True))
+
+
+def test_large_motions_of_a_universal_joint_between_rigid_bodies(tmp_path: Path) -> None:
+    """Against `cms.simulate`: its springs and motors act on angles about axes of two bodies, through 0.5 rad."""
+    text = GIMBAL.replace("ENDS", "mount.h, arm.root").replace("EARLIER", "rx").replace("LATER", "ry")
+    rigid = "    rigid: {{mass: 2, cg: [0.4, 0, 0], inertia: [0.02, 0.1, 0.1, 0, 0, 0]}}\n    interfaces: {{"
+    rigid += "root: {{position: [0, 0, 0]}}, tip: {{position: [0.8, 0, 0]}}}}\n"
+    text = re.sub(r"    stiffness: \{\{file.*?(?=    place)", rigid, text, count=1, flags=re.S)
+    text = re.sub(
+        "    ball:.*?(?=  articulation)",
+        "    weld: {{connect: [arm.tip, pod.socket], offset: [0.1, -0.1, 0.05]}}\n",
+        text,
+        flags=re.S,
+    )
+    text = re.sub(", ball.rx.*deg|    third.*\n|    three.*\n", "", text)
+    run = finished(tmp_path, text)
+    scene = multibody_scene(run)
+    script = exported(run, tmp_path / "exudyn")
+    script.LAWS["one"], script.LAWS["two"] = pulse(60.0, 0.2), pulse(-80.0, 0.1)
+    script.RADIUS = 1.0
+    built = script.build()
+    times, seen, modes = built.simulate(0.3, 1e-3)
+    efforts = {"one": Pulse(60.0, 0.2), "two": Pulse(-80.0, 0.1)}
+    motion = simulate_scene(scene, {}, 0.3, points=times.size - 1, efforts=efforts, accuracy=1e-7)
+    assert not modes
+    for name, found in zip(built.channels, seen.T, strict=True):
+        known = motion.sensors[name] - motion.sensors[name][0]
+        assert np.sqrt(((found - known) ** 2).mean() / (known**2).mean()) < 1e-3, name
+    assert abs(seen[:, :2]).max(axis=0).min() > 0.2
 
 
 def test_spin_up_of_an_exported_beam(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:

@@ -57,7 +57,8 @@ def joint(name: str, first: str, second: str, free: Sequence[int] = (RZ,), **opt
     """Joint along the axes of the scene between ``body.interface`` and ``body.interface``."""
     ends = [Point(*end.split(".")) for end in (first, second)]
     made = Joint(name, *ends, frozenset(free), **options)
-    return SceneJoint(made, np.eye(3), np.eye(3), np.zeros(6), ((tuple(set(range(6)) - set(free))),), "")
+    locked, arms = (tuple(set(range(6)) - set(free)),), np.array([made.offset or (0.0, 0.0, 0.0)])
+    return SceneJoint(made, np.eye(3), np.eye(3), np.zeros(6), locked, arms, "")
 
 
 def hinged(

@@ -8,10 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.assemble import available, joint_axes, joint_tree, place_bodies
+from cmsreduce.assemble import available, joint_arms, joint_tree, motion_axes, place_bodies
 from cmsreduce.config import Pipeline, build_scene, pipeline_from_keys
 from cmsreduce.errors import ReadError, SceneError, not_among
-from cmsreduce.model import Configuration, Interface, MultibodyScene, Placement, Scene, SceneBody, SceneJoint
+from cmsreduce.model import (
+    FIRST_ROTATION,
+    Configuration,
+    Interface,
+    MultibodyScene,
+    Placement,
+    Scene,
+    SceneBody,
+    SceneJoint,
+)
 from cmsreduce.pipeline.bodies import read_rigid
 from cmsreduce.write import ComponentFile, read_component, system_settings
 
@@ -167,22 +176,24 @@ def _interfaces(file: ComponentFile) -> dict[str, Interface]:
 def _joints(scene: Scene, configuration: Configuration, bodies: tuple[SceneBody, ...]) -> tuple[SceneJoint, ...]:
     """Joints with their axes on both bodies, and the bodies that they carry."""
     by_name = {body.name: body for body in bodies}
-    built = {body.name: scene.placements.get(body.name, Placement()) for body in bodies}
+    placed = {body.name: body.placement for body in bodies}
     _, inboard_of = joint_tree(scene)
     outboard = {joint.name: name for name, joint in inboard_of.items()}
     found = []
     for joint in scene.joints:
         face = by_name[joint.first.body].interfaces[joint.first.name]
         # Both interfaces of a locked motion have it: the run has checked it.
-        moving = [available(face, k, face.frame) for k in range(face.node.size)]
+        turning = motion_axes(by_name, scene, placed, joint, FIRST_ROTATION)
+        about = turning @ placed[joint.first.body].rotation
+        moving = [available(face, k, face.frame)[:3] + available(face, k, about)[3:] for k in range(face.node.size)]
         found.append(
             SceneJoint(
                 joint.at(configuration.parameters),
                 face.frame,
-                # Rows along the scene's axes, seen from the second body.
-                joint_axes(by_name, built, joint) @ built[joint.second.body].rotation,
+                turning @ placed[joint.second.body].rotation,
                 np.array([configuration.angles.get((joint.name, dof), 0.0) for dof in range(6)]),
                 tuple(tuple(dof for dof in range(6) if can[dof] and dof not in joint.free) for can in moving),
+                joint_arms(by_name, placed, joint),
                 outboard.get(joint.name, ""),
             )
         )

@@ -34,6 +34,7 @@ from cmsreduce.write.targets import exudyn_arrays
 __all__ = ["write_exudyn_scene"]
 
 _SIX = 6
+_ALL_TURN = 3
 
 Array = NDArray[np.float64]
 
@@ -100,6 +101,7 @@ def _script(scene: MultibodyScene, bodies: dict[str, BodyFrame], names: dict[str
         (repr(each.name), f"slew({slew.effort!r})" if each.name == slew.actuator else "off") for each in scene.actuators
     ]
     units = scene.scene.units.name
+    # The class of the first template goes on in the second.
     return rendered(
         "exudyn_scene.py.j2",
         title=_text(f"Scene '{scene.name}' for Exudyn, at rest in the configuration '{scene.configuration.name}'."),
@@ -117,7 +119,7 @@ def _script(scene: MultibodyScene, bodies: dict[str, BodyFrame], names: dict[str
             *(line for each in scene.actuators for line in _actuator_lines(scene, bodies, each)),
             *(line for each in scene.sensors for line in _sensor_lines(scene, bodies, each)),
         ],
-    )
+    ) + rendered("exudyn_channels.py.j2")
 
 
 def _text(words: str) -> str:
@@ -151,57 +153,81 @@ def _ground_lines(scene: MultibodyScene, bodies: dict[str, BodyFrame]) -> Iterat
 
 
 def _joint_lines(scene: MultibodyScene, bodies: dict[str, BodyFrame], placed: SceneJoint) -> Iterator[str]:
-    joint, name = placed.joint, placed.joint.name
-    first, second = scene.body(joint.first.body), scene.body(joint.second.body)
-    one, other = first.interfaces[joint.first.name], second.interfaces[joint.second.name]
-    pairs = []
+    name = placed.joint.name
+    sides = _Sides(scene, bodies, placed)
     for k, locked in enumerate(placed.locked):
-        a = _point(bodies, first, int(one.node[k]), one.position[k], placed.first_axes, placed.offset)
-        b = _point(bodies, second, int(other.node[k]), other.position[k], placed.second_axes)
-        pairs.append((a, b))
-        yield f"scene.join({name!r}, {a}, {b}, {list(locked)})"
-    yield from _element_lines(scene, placed, pairs[0])
+        a, b = sides.first(placed.first_axes, k), sides.second(placed.second_axes, k)
+        if placed.cross is None:
+            yield f"scene.join({name!r}, {a}, {b}, {list(locked)})"
+            continue
+        earlier, later = placed.cross
+        a2, b2 = (of(_triad(placed.second_axes, earlier, later)) for of in (sides.first_now, sides.second))
+        yield f"scene.join({name!r}, {a}, {b}, {[dof for dof in locked if dof < FIRST_ROTATION]})"
+        held = any(dof >= FIRST_ROTATION for dof in locked)
+        yield f"scene.cross({name!r}, {a2}, {b2}, {FIRST_ROTATION + earlier}, {held})"
+    yield from _element_lines(scene, placed, sides)
 
 
-def _element_lines(scene: MultibodyScene, placed: SceneJoint, points: tuple[str, str]) -> Iterator[str]:
+class _Sides:
+    """Points of both sides of a joint as text, by axes that are rows in the basic frame of their body."""
+
+    def __init__(self, scene: MultibodyScene, bodies: dict[str, BodyFrame], placed: SceneJoint) -> None:
+        self.bodies, self.arms = bodies, placed.arms
+        ends = placed.joint.first, placed.joint.second
+        self.body = tuple(scene.body(point.body) for point in ends)
+        self.face = tuple(body.interfaces[point.name] for body, point in zip(self.body, ends, strict=True))
+
+    def first(self, axes: Array, k: int = 0) -> str:
+        """A node of the first interface, at the end of the rigid arm to the second."""
+        face = self.face[0]
+        return _point(self.bodies, self.body[0], int(face.node[k]), face.position[k], axes, self.arms[k])
+
+    def first_now(self, axes: Array) -> str:
+        """The first node of the first interface; the axes are those of the second side, where they are now."""
+        first, second = (body.placement.rotation for body in self.body)
+        return self.first(axes @ second.T @ first)
+
+    def second(self, axes: Array, k: int = 0) -> str:
+        """A node of the second interface."""
+        face = self.face[1]
+        return _point(self.bodies, self.body[1], int(face.node[k]), face.position[k], axes)
+
+
+def _triad(axes: Array, z: int, other: int) -> Array:
+    """Axes of which the last is one of three, the second another one (3, 3)."""
+    return np.array([np.cross(axes[other], axes[z]), axes[other], axes[z]])
+
+
+def _element_lines(scene: MultibodyScene, placed: SceneJoint, sides: _Sides) -> Iterator[str]:
     """Springs, dampers and inertias of a joint, without force in this configuration."""
     joint, name = placed.joint, placed.joint.name
-    acting = [element for element in joint.elements if element.stiffness or element.damping]
-    turns = [dof for dof in joint.free if dof >= FIRST_ROTATION]
-    rest = _relative(scene, placed)
-    if len(turns) > 1 and any(element.dof >= FIRST_ROTATION for element in acting):
-        figures = np.zeros((2, _SIX))
-        for element in acting:
-            figures[:, element.dof] = element.stiffness, element.damping
-        yield f"scene.springs({name!r}, {_plain(figures[0])}, {_plain(figures[1])}, {_plain(rest)})"
-    else:
-        for element in acting:
-            own = f"{element.stiffness!r}, {element.damping!r}, {float(rest[element.dof])!r}"
-            yield f"scene.spring({points[0]}, {points[1]}, {element.dof}, {own})"
-    inertia = np.zeros(_SIX)
+    turns = [dof - FIRST_ROTATION for dof in joint.free if dof >= FIRST_ROTATION]
+    figures, inertia = np.zeros((2, _SIX)), np.zeros(_SIX)
     for element in joint.elements:
         inertia[element.dof] = element.inertia
+        figures[:, element.dof] = element.stiffness, element.damping
+        own = f"{element.stiffness!r}, {element.damping!r}"
+        axis = element.dof % FIRST_ROTATION
+        if not element.stiffness and not element.damping:
+            continue
+        if element.dof < FIRST_ROTATION:
+            yield f"scene.spring({name!r}, {axis}, {own})"
+        elif len(turns) < _ALL_TURN:
+            axes = _triad(placed.second_axes, axis, (axis + 1) % FIRST_ROTATION)
+            ends = f"{sides.first_now(axes)}, {sides.second(axes)}"
+            if placed.cross is None:
+                yield f"scene.torsion({ends}, {own})"
+            else:
+                yield f"scene.cross_spring({name!r}, {ends}, {element.dof}, {own})"
+    if len(turns) == _ALL_TURN and figures[:, FIRST_ROTATION:].any():
+        yield f"scene.torsions({name!r}, {_plain(figures[0, FIRST_ROTATION:])}, {_plain(figures[1, FIRST_ROTATION:])})"
     if inertia.any():
         body = scene.body(joint.first.body)
         face = body.interfaces[joint.first.name]
         place = _plain(scene.in_scene(body.name, face.position[0]))
         axes = _plain(body.placement.rotation @ placed.first_axes.T)
-        yield f"scene.turning_mass({joint.own_body!r}, {_plain(inertia[3:])}, {place}, {axes}, {points[0]})"
-
-
-def _relative(scene: MultibodyScene, placed: SceneJoint) -> Array:
-    """Motions of the second interface against the first in the configuration, along the first one's axes (6,)."""
-    joint = placed.joint
-    first, second = (scene.body(point.body) for point in (joint.first, joint.second))
-    A, B = placed.first_axes @ first.placement.rotation.T, placed.second_axes @ second.placement.rotation.T
-    ends = (
-        scene.in_scene(first.name, first.interfaces[joint.first.name].position[0] + placed.offset),
-        scene.in_scene(second.name, second.interfaces[joint.second.name].position[0]),
-    )
-    Q = A @ B.T
-    # Angles of turns about x, y, z in this order: Q = Rx Ry Rz.
-    angles = [np.arctan2(-Q[1, 2], Q[2, 2]), np.arcsin(np.clip(Q[0, 2], -1, 1)), np.arctan2(-Q[0, 1], Q[0, 0])]
-    return np.concatenate([A @ (ends[1] - ends[0]), angles])
+        point = _point(sides.bodies, body, int(face.node[0]), face.position[0], placed.first_axes)
+        yield f"scene.turning_mass({joint.own_body!r}, {_plain(inertia[3:])}, {place}, {axes}, {point})"
 
 
 def _actuator_lines(scene: MultibodyScene, bodies: dict[str, BodyFrame], channel: Channel) -> Iterator[str]:

@@ -59,7 +59,7 @@ def add_actuator(deck: MbdynInput, channel: Channel) -> None:
 def _push_joint(deck: MbdynInput, name: str, joint: str, dof: int, law: str) -> None:
     """Opposite efforts on both sides of a joint, along an axis of the first side; MBDyn's act on the first one."""
     placed = deck.joint(joint)
-    first, second, gap = ends(deck, placed)
+    first, second = ends(deck, placed)
     axis = vector(-first.along(placed.first_axes[dof % 3]))
     if dof >= FIRST_ROTATION:
         for place in (first, second):
@@ -73,8 +73,7 @@ def _push_joint(deck: MbdynInput, name: str, joint: str, dof: int, law: str) -> 
             "stay on one line; let the actuator act between two points instead (`between`)"
         )
     # Both forces act at the second side, on one line, so that they have no moment.
-    start = first.moved(gap)
-    ends_of = f"{start.node}, position, {vector(start.offset)}, {second.node}, position, {vector(second.offset)}"
+    ends_of = f"{first.node}, position, {vector(first.offset)}, {second.node}, position, {vector(second.offset)}"
     deck.element("force", deck.label("force", name), f"follower internal, {ends_of}, {axis}, {law}")
 
 

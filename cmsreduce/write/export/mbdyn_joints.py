@@ -14,23 +14,15 @@ __all__ = ["add_ground", "add_joint", "ends", "joint_motion"]
 _MOTIONS = frozenset(range(6))
 # Axis 3 of an element that turns about one axis is the axis 0..2 of the joint.
 _AXIS_LAST = ((1, 2, 0), (2, 0, 1), (0, 1, 2))
+# Of direction cosines: axes that were not turned differ by round-off.
+_TURNED = 1e-9
 
 Array = NDArray[np.float64]
 
 
-def ends(deck: MbdynInput, placed: SceneJoint, k: int = 0) -> tuple[Place, Place, Array]:
-    """Both points of a pair of nodes, and the way from the first to the second along the first body's basic axes.
-
-    The first point is at the end of the rigid arm of the joint.
-    """
-    first = deck.of_interface(placed.joint.first, k).moved(placed.offset)
-    second = deck.of_interface(placed.joint.second, k)
-    return first, second, first.body.placement.rotation.T @ (second.in_scene - first.in_scene)
-
-
-def _axes_now(placed: SceneJoint, first: Place, second: Place) -> Array:
-    """Axes of the first interface as rows in the basic frame of the second body, in the configuration."""
-    return np.asarray(placed.first_axes @ first.body.placement.rotation.T @ second.body.placement.rotation)
+def ends(deck: MbdynInput, placed: SceneJoint, k: int = 0) -> tuple[Place, Place]:
+    """Both points of a pair of nodes, in one place at the start: the first at the end of the rigid arm of the joint."""
+    return deck.of_interface(placed.joint.first, k).moved(placed.arms[k]), deck.of_interface(placed.joint.second, k)
 
 
 def _hinge_axis(placed: SceneJoint) -> int | None:
@@ -42,28 +34,29 @@ def _hinge_axis(placed: SceneJoint) -> int | None:
 def add_joint(deck: MbdynInput, placed: SceneJoint) -> None:
     """Add a hinge if one rotation is free, else the locked motions of each pair of nodes, with springs and inertias."""
     axis = _hinge_axis(placed)
-    _refuse_turned_cross(placed)
     for k, locked in enumerate(placed.locked):
-        first, second, gap = ends(deck, placed, k)
+        first, second = ends(deck, placed, k)
+        _refuse_turned_cross(placed, first, second)
         if any(dof >= FIRST_ROTATION for dof in locked):
             _require_slopes(placed, first, second)
-        # Motions start from zero: where the second point is now, with the axes as they are now.
-        start, now = first.moved(gap), _axes_now(placed, first, second)
+        # Motions start from zero, with the axes as they are now.
         if axis is None:
-            one, other = _total_end(start, placed.first_axes), _total_end(second, now)
+            one, other = _total_end(first, placed.first_axes), _total_end(second, placed.second_axes)
             text = f"total joint, {one}, {other}{_constraints(locked)}"
         else:
             order = _AXIS_LAST[axis]
-            text = f"revolute hinge, {_end(start, placed.first_axes, order)}, {_end(second, now, order)}"
+            text = f"revolute hinge, {_end(first, placed.first_axes, order)}, {_end(second, placed.second_axes, order)}"
         deck.element("joint", _label(deck, placed, k), text)
     _add_elements(deck, placed)
 
 
-def _refuse_turned_cross(placed: SceneJoint) -> None:
+def _refuse_turned_cross(placed: SceneJoint, first: Place, second: Place) -> None:
     """Refuse two free rotations after a turn about the later axis: the total joint locks another rotation then."""
-    turning = sorted(dof for dof in placed.joint.free if dof >= FIRST_ROTATION)
-    if len(turning) == 2 and placed.values[turning[1]]:
-        later = DOF_NAMES[turning[1]]
+    if placed.cross is None:
+        return
+    seen = placed.second_axes @ second.body.placement.rotation.T @ first.body.placement.rotation
+    if abs(seen - placed.first_axes).max() > _TURNED:
+        later = DOF_NAMES[FIRST_ROTATION + placed.cross[1]]
         raise WriteError(
             f"joint '{placed.joint.name}': two rotations are free, and the configuration turns it about {later}; "
             "MBDyn's total joint would lock another rotation there than a universal joint. Export a configuration with "
@@ -102,12 +95,12 @@ def _add_elements(deck: MbdynInput, placed: SceneJoint) -> None:
         _add_torsion(deck, placed, element)
     rest = [element for element in acting if element not in about]
     if rest:
-        first, second, gap = ends(deck, placed)
+        first, second = ends(deck, placed)
         figures = np.zeros((2, 6))
         for element in rest:
             figures[:, element.dof] = element.stiffness, element.damping
-        one = _end(first.moved(gap), placed.first_axes)
-        other = _end(second, _axes_now(placed, first, second))
+        one = _end(first, placed.first_axes)
+        other = _end(second, placed.second_axes)
         K, C = (", ".join(real(value) for value in row) for row in figures)
         law = f"linear viscoelastic generic, diag, {K}, diag, {C}"
         deck.element("joint", deck.label("spring", joint.name), f"deformable joint, {one}, {other}, {law}")
@@ -128,11 +121,11 @@ def _add_elements(deck: MbdynInput, placed: SceneJoint) -> None:
 
 def _add_torsion(deck: MbdynInput, placed: SceneJoint, element: JointElement) -> None:
     """A spring about the only axis that turns, which may turn by any angle."""
-    first, second, gap = ends(deck, placed)
+    first, second = ends(deck, placed)
     _require_slopes(placed, first, second)
     order = _AXIS_LAST[element.dof - FIRST_ROTATION]
-    one = _end(first.moved(gap), placed.first_axes, order)
-    other = _end(second, _axes_now(placed, first, second), order)
+    one = _end(first, placed.first_axes, order)
+    other = _end(second, placed.second_axes, order)
     law = f"linear viscoelastic, {real(element.stiffness)}, {real(element.damping)}"
     label = deck.label("torsion", placed.joint.name, f"spring of joint {placed.joint.name}")
     deck.element("joint", label, f"deformable axial joint, {one}, {other}, {law}")

@@ -94,12 +94,19 @@ def test_joints_have_their_axes_on_both_bodies(boom: tuple[Run, Path]) -> None:
     assert (swing.outboard, clamp.outboard) == ("wing", "twin") and not swing.closes_loop
     np.testing.assert_allclose(np.rad2deg(swing.values), [0, 0, 0, 0, 40, -20], atol=1e-12)
     first, second = (scene.body(name).placement.rotation for name in ("wing", "hub"))
-    # Seen from the second interface, whose body does not move here.
-    seen = swing.second_axes @ second.T @ first @ swing.first_axes.T
+    # Seen from the axes as built, which the second interface has kept: its body does not move here.
+    built = swing.first_axes @ scene.scene.placements["wing"].rotation.T @ second
+    seen = built @ second.T @ first @ swing.first_axes.T
     c, s = np.cos(swing.values[4:]), np.sin(swing.values[4:])
     y = np.array([[c[0], 0, s[0]], [0, 1, 0], [-s[0], 0, c[0]]])
     z = np.array([[c[1], -s[1], 0], [s[1], c[1], 0], [0, 0, 1]])
     np.testing.assert_allclose(seen, y @ z, atol=1e-14)
+    # A universal joint: y is carried by the second body, z by the first one, x is normal to both.
+    carried, turned = built[1], swing.first_axes[2] @ first.T @ second
+    np.testing.assert_allclose(swing.second_axes, [np.cross(carried, turned), carried, turned], atol=1e-14)
+    # A weld: the axes of the first interface.
+    ends = (scene.body(name).placement.rotation for name in ("hub", "twin"))
+    np.testing.assert_allclose(clamp.second_axes, clamp.first_axes @ next(ends).T @ next(ends), atol=1e-14)
     assert (swing.locked, clamp.locked) == (((0, 1, 2, 3),), ((0, 1, 2, 3, 4, 5),))
     assert swing.joint.elements == boom[0].scene.joints[0].elements
     hinge = [
