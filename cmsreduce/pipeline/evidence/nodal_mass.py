@@ -85,10 +85,11 @@ def _momentum(body: FEModel) -> tuple[NDArray[np.int64], Array]:
 
 
 def generalised_coordinates(body: FEModel) -> int:
-    """Scalar dofs that share mass with others and no stiffness, as fixed-interface modes do with the interface.
+    """Scalar dofs without stiffness in common with others, as fixed-interface modes, if their masses are not alike.
 
     An exchange of two of them in the mass alone leaves mass, centre and inertia of the body, and the pairs of nodes.
-    Dofs inside elements share both.
+    Where none shares mass with a node and all have one mass, it leaves the matrix, too. Dofs inside elements share
+    stiffness with their nodes.
     """
     scalar = body.dofs.component == SCALAR
     if not scalar.any():
@@ -101,8 +102,12 @@ def generalised_coordinates(body: FEModel) -> int:
         found[entries.row[(entries.row != entries.col) & (abs(entries.data) > least)]] = True
         return found
 
-    count = int((scalar & shared(body.M) & ~shared(body.K)).sum())
-    return count if count > 1 else 0
+    alone = scalar & (body.K.diagonal() > 0) & ~shared(body.K)
+    count, mass = int(alone.sum()), body.M.diagonal()[alone]
+    if count < 2:
+        return 0
+    alike = np.ptp(mass) <= max(_COUPLED, _ROUNDINGS * body.rounding) * mass.max()
+    return 0 if alike and not shared(body.M)[alone].any() else count
 
 
 def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding | None:
