@@ -136,6 +136,7 @@ def test_a_file_for_another_program_answers_as_the_body_that_was_written(written
     np.testing.assert_allclose(H, expected, rtol=0, atol=1e-7 * abs(expected).max())
     proofs = {proof.what: proof for proof in again.bodies["arm"].proofs}
     assert proofs["row order"].state == "unproven"
+    assert (proofs["mass"].state, proofs["mass"].only) == ("proven", "order")
     # Written again, it has the integrals that the first file had.
     execute(again, study, report=False)
     files = [read_component(study.parent / folder / "arm.h5") for folder in ("finished", "out")]
@@ -163,6 +164,7 @@ def test_a_state_space_of_a_run_answers_as_the_body_that_was_written(written, st
     np.testing.assert_allclose(H, expected, rtol=0, atol=1e-7 * abs(expected).max())
     proofs = {proof.what: proof for proof in again.bodies["arm"].proofs}
     assert proofs["row order"].state == "proven"
+    assert (proofs["mass"].state, proofs["mass"].only) == ("proven", "order")
     with pytest.raises(ConfigError, match=r"`states` needs `rows`: .* the dof .* of each input"):
         open_files(text.replace(ARM, OF_STATES.replace("    rows: arm.dof\n", "")))
 

@@ -223,7 +223,8 @@ def _mass(
         apart = "; masses of the deck that differ by direction were taken out before"
     checks = _one_mass(tied)
     wrong = f"{negative} motions have negative energy" if negative else ""
-    ordered, evidence = order.status == "proven", order.remark
+    modal = order.status == "modal"
+    ordered, evidence = modal or order.status == "proven", order.remark
     free = rows.motions == _ALL_MOTIONS
     if stated is not None:
         found, by_deck = _mass_by_deck(body, stated, free, order)
@@ -233,7 +234,7 @@ def _mass(
     # Masses beside their grids, once they are found as stated, would hide the moments of the rest.
     stated_points = stated is not None and any(check.name.startswith("inertia of each") for check in checks)
     rest = without_points(body, stated.points) if stated is not None and stated_points else body.M
-    toward = moments_toward_neighbours(body, rest) if ordered else None
+    toward = moments_toward_neighbours(body, rest) if ordered and not modal else None
     if toward is not None and toward.as_given < max(_TOWARD, toward.best - _BETTER):
         ordered = False
         other = "rows in reverse, of another sign or in another frame"
@@ -245,7 +246,7 @@ def _mass(
         )
     if not ordered and free and exchanges_hidden(body) == 0:
         ordered, evidence = True, "an exchange of any two nodes would leave no centre of mass"
-    if ordered and (count := generalised_coordinates(body)):
+    if ordered and not modal and (count := generalised_coordinates(body)):
         ordered = False
         evidence = f"{evidence}; nothing shows the order of the {count} generalised coordinates that move mass"
     failed = [check for check in checks if not check.passed]

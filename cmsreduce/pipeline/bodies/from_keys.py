@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from cmsreduce.model import FEModel, Interface, RigidBody, Scene, Units, rigid_i
 from cmsreduce.pipeline.bodies.modal_input import matrix_source, modal_input
 from cmsreduce.read import (
     InterfaceSpec,
+    MassOrder,
     Nearby,
     in_dofs,
     read_body,
@@ -21,10 +23,31 @@ from cmsreduce.read import (
     with_inner_grids,
 )
 
-__all__ = ["body_as_read", "read_rigid", "recovered_body", "tied_body"]
+__all__ = ["AsRead", "body_as_read", "read_rigid", "recovered_body", "tied_body"]
 
 
-def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str, tuple[str, ...]]:
+class AsRead(NamedTuple):
+    """A body as its files have it, in their units and without ties.
+
+    Parameters
+    ----------
+    body : FEModel
+        The body.
+    unproven : str
+        Reason why its rows cannot be proven; empty if they can.
+    remarks : tuple of str
+        What was changed in reading it, and what is in doubt.
+    mass_order : MassOrder, optional
+        Order of the rows of its mass, where it is known without a comparison with the stiffness.
+    """
+
+    body: FEModel
+    unproven: str = ""
+    remarks: tuple[str, ...] = ()
+    mass_order: MassOrder | None = None
+
+
+def body_as_read(name: str, part: Component, units: Units) -> AsRead:
     """Read the body of a component as its files have it.
 
     Parameters
@@ -36,15 +59,6 @@ def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str
     units : Units
         Unit system of its files.
 
-    Returns
-    -------
-    body : FEModel
-        In the units of its files, without ties.
-    unproven : str
-        Reason why its rows cannot be proven; empty if they can.
-    remarks : tuple of str
-        What was changed in reading it.
-
     Raises
     ------
     CmsReduceError
@@ -53,7 +67,9 @@ def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str
     interfaces = {label: _interface(label, name, keys, units) for label, keys in part.interfaces.items()}
     if part.in_modes:
         modal = modal_input(name, part, units)
-        return in_dofs(modal, interfaces), modal.unproven, modal.remarks
+        body = in_dofs(modal, interfaces)
+        doubts = (f"{name}: {doubt}" for doubt in modal.doubts)
+        return AsRead(body, modal.unproven, (*modal.remarks, *doubts), modal.order)
     assert part.stiffness is not None and part.mass is not None
     given = None if part.damping is None else part.damping.matrix
     matrix = None if given is None else matrix_source(given)
@@ -77,7 +93,7 @@ def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str
         grounded=part.grounded,
         interfaces=interfaces,
     )
-    return body, "", ()
+    return AsRead(body)
 
 
 def recovered_body(body: FEModel, part: Component) -> tuple[FEModel, str]:

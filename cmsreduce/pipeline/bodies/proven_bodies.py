@@ -125,12 +125,12 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     part = pipeline.components[name]
     geometry = None if part.geometry is None else part.geometry.file
     with texts_kept():
-        as_read, unproven, changed = body_as_read(name, part, part.units_in(scene.units))
+        as_read, unproven, changed, known_order = body_as_read(name, part, part.units_in(scene.units))
         stated = (None, None) if geometry is None else statement_of(geometry, as_read)
         # A deck with materials says which density is right.
         cells = cells_of(as_read) if stated[0] is None else None
     # The rows are proven on the matrices as they are read; ties and units change them.
-    proof, order = prove_row_order(as_read), prove_mass_order(as_read)
+    proof, order = prove_row_order(as_read), known_order or prove_mass_order(as_read)
     if unproven:
         proof = RowOrderProof("labelled", remark=unproven)
     free = proof.status == "proven" and proof.motions == _FREE

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.errors import MatrixError, SceneError
+from cmsreduce.errors import DofMapError, MatrixError, SceneError
 from cmsreduce.model import (
     DOUBLE,
     SCALAR,
@@ -26,8 +27,8 @@ from cmsreduce.model import (
     Units,
 )
 from cmsreduce.read.interfaces import InterfaceSpec, resolve_interface
-from cmsreduce.read.reduced.rigid_shapes import prove_rigid_shapes
-from cmsreduce.read.row_order import prove_row_order
+from cmsreduce.read.reduced.rigid_shapes import elastic_doubts, prove_rigid_shapes
+from cmsreduce.read.row_order import MassOrder, prove_row_order
 
 __all__ = ["ModalBody", "in_dofs"]
 
@@ -40,6 +41,8 @@ _ROUNDINGS = 10.0
 _FREE = 1e-13
 # Deformation below this share of a motion is the rounding of a rigid one.
 _RIGID = 1e-10
+# Modal masses that differ by less than this share are alike.
+_ALIKE = 1e-9
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -79,6 +82,8 @@ class ModalBody:
         What was changed in reading it, with figures.
     G : (m, m) float64, optional
         Gyroscopic matrix.
+    apart : bool
+        True if K and M were given as matrices of their own, so that the coordinates of one may be in another order.
     """
 
     name: str
@@ -97,6 +102,22 @@ class ModalBody:
     second_order: SecondOrder | None = None
     remarks: tuple[str, ...] = ()
     G: Array | None = None
+    apart: bool = False
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """Reasons to doubt the elastic shapes."""
+        return elastic_doubts(self.dofs, self.shapes, self.M.diagonal(), _free(self), self.rounding)
+
+    @property
+    def order(self) -> MassOrder | None:
+        """Order of the modal masses against the stiffnesses, where it is known; one change of coordinates keeps it."""
+        mass = self.M.diagonal()
+        if not self.apart:
+            return MassOrder("modal", remark="each mode has its frequency and its modal mass from one record")
+        if abs(self.M - mass.mean() * np.eye(mass.size)).max(initial=0.0) > _ALIKE * abs(mass).max(initial=0.0):
+            return None
+        return MassOrder("modal", remark="all modal masses are alike, so that they have no order")
 
 
 def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEModel:
@@ -174,8 +195,15 @@ def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEMode
         sources=modal.sources,
         terms=() if modal.G is None else (ParameterTerm("", "G", sp.csc_array(T.T @ modal.G @ T), 0),),
     )
+    try:
+        proof = prove_row_order(body)
+    except DofMapError as error:
+        if not modal.doubts:
+            raise
+        cause = "; ".join(modal.doubts)
+        raise DofMapError(f"{str(error).partition('. Likely cause')[0]}. Likely cause: {cause}") from error
     # Modes have a modal mass each, and a congruence keeps it: digits of shapes leave none of them without mass.
-    return replace(prove_row_order(body).estimated(body), rounding=DOUBLE)
+    return replace(proof.estimated(body), rounding=DOUBLE)
 
 
 def _spec(modal: ModalBody, face: str, spec: InterfaceSpec) -> InterfaceSpec:

@@ -107,6 +107,7 @@ def read_modes(
         nodes=shape.nodes,
         units=units,
         rounding=max(Phi.rounding, *(one.rounding for one in read), 2.0**-53),
+        apart=bool(read),
         sources=tuple(Source(str(path), sha256_of(path), what) for path, what in files.items()),
     )
     return with_rigid_motions(modal, rigid, grounded)

@@ -1,7 +1,8 @@
 """Proof of the shapes of a reduced body: its motions without stiffness must move all nodes as a rigid body does.
 
 The stiffness proves the dofs that it resists. The dofs of one interface it does not resist at all, and sensors have no
-rows in it; so the shapes themselves are compared with the geometry.
+rows in it; so the shapes themselves are compared with the geometry. Elastic shapes are compared with the rigid ones in
+size, and with each other.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import DofTable, Nodes, rigid_body_shapes
 
-__all__ = ["prove_rigid_shapes"]
+__all__ = ["elastic_doubts", "prove_rigid_shapes"]
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,11 @@ _BY_SOLVER = 1e-4
 _DIGITS, _PLACES = 100.0, 10.0
 _TRANSLATIONS, _ALL = 3, 6
 _NAMED = 5
+# Elastic modes of one mass and the rigid motions of it move the nodes alike: by this factor more if only a light part
+# takes part in all of them, less if all nodes are at the heaviest part.
+_SCALE = 100.0
+# Shapes that are alike to this share, or to these roundings, are one; few dofs may move alike in different modes.
+_ONE_SHAPE, _FEWEST = 1e-7, 3
 # Fits whose weights leave wrong nodes out.
 _ROUNDS = 30
 # What rotations are multiplied by, and coordinates divided by, in files that mix units.
@@ -85,6 +91,49 @@ def prove_rigid_shapes(name: str, dofs: DofTable, nodes: Nodes, free: Array, rou
         f"move otherwise; the worst are {', '.join(f'{ids[k]} ({off[k]:.1e})' for k in worst)} (relative to the "
         f"largest motion; digits explain {limit:.1e}). Likely cause: {_cause(scaled, R, dofs, node, limit)}"
     )
+
+
+def elastic_doubts(
+    dofs: DofTable, shapes: Array, mass: Array, free: NDArray[np.int64], rounding: float
+) -> tuple[str, ...]:
+    """Reasons to doubt elastic shapes: their size beside that of the rigid ones, and two modes of one shape.
+
+    A shape of modal mass 1 moves the nodes by about one over the root of the mass, whether it is rigid or elastic.
+
+    Parameters
+    ----------
+    dofs : DofTable
+        p dofs whose motion is known.
+    shapes : (p, m) float64
+        Rigid and elastic shapes.
+    mass : (m,) float64
+        Modal masses.
+    free : (r,) int64
+        Columns of the rigid shapes.
+    rounding : float
+        Relative rounding of the shapes.
+    """
+    moving = (dofs.component > 0) & (dofs.component <= _TRANSLATIONS)
+    elastic = np.setdiff1d(np.flatnonzero(mass > 0), free)
+    size = np.linalg.norm(shapes[moving], axis=0) / np.sqrt(np.where(mass > 0, mass, 1.0))
+    found, rigid = [], size[free][size[free] > 0]
+    if rigid.size and elastic.size:
+        least, most = (float(value / np.median(rigid)) for value in (size[elastic].min(), size[elastic].max()))
+        if most < 1 / _SCALE or least > _SCALE:
+            found.append(
+                f"the elastic shapes of modal mass 1 move the nodes {least:.2g} to {most:.2g} times as far as the "
+                "rigid motions do, and modes of one body move them about alike. If the shapes are in another unit of "
+                "length than the body, or have other modal masses, its responses are wrong by the square of this "
+                "factor: give shapes and modal masses of one normalisation"
+            )
+    unit = shapes[:, elastic] / np.maximum(np.linalg.norm(shapes[:, elastic], axis=0), np.finfo(float).tiny)
+    likeness = np.triu(abs(unit.T @ unit), 1)
+    for i, j in np.argwhere(likeness > 1 - _BY_SOLVER):
+        apart = unit[:, i] * np.sign(unit[:, i] @ unit[:, j]) - unit[:, j]
+        moved = int((abs(unit[:, i]) > _BY_SOLVER).sum())
+        if moved >= _FEWEST and abs(apart).max() <= max(_ONE_SHAPE, _DIGITS * rounding):
+            found.append(f"modes {elastic[i] + 1} and {elastic[j] + 1} move all {len(dofs)} dofs alike: is one a copy?")
+    return tuple(found)
 
 
 def _off(free: Array, R: Array, weight: Array, node: NDArray[np.int64]) -> Array:

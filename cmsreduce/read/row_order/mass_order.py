@@ -45,7 +45,8 @@ class MassOrder:
     status : str
         ``proven``: no two nodes can be exchanged without notice. ``lumped``: the mass couples no nodes. ``alike``:
         some nodes couple with the same other nodes. ``mixed``: the mass couples pairs that the stiffness does not,
-        and the other way round, but no exchange explains it. ``scalar``: no dof belongs to a node.
+        and the other way round, but no exchange explains it. ``scalar``: no dof belongs to a node. ``modal``: the rows
+        are those of the stiffness by one change of coordinates.
     pairs : int
         Pairs of nodes that the mass couples.
     nodes : int
@@ -56,7 +57,7 @@ class MassOrder:
         Evidence, or the reason why there is no proof.
     """
 
-    status: Literal["proven", "lumped", "alike", "mixed", "scalar"]
+    status: Literal["proven", "lumped", "alike", "mixed", "scalar", "modal"]
     pairs: int = 0
     nodes: int = 0
     alike: int = 0

@@ -89,3 +89,34 @@ def test_nodes_that_show_fewer_motions(rows: np.ndarray) -> None:
     wrong = replace(part, shapes=exchanged(part.shapes, 0, rows.size - 1) * np.linspace(1, 2, rows.size)[:, None])
     with pytest.raises(DofMapError, match="shapes of frequency 0"):
         in_dofs(wrong, {})
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_elastic_shapes_in_another_unit_than_the_rigid_ones(factor: float) -> None:
+    """Rigid motions prove the rows of shapes, and not the size of the elastic ones."""
+    given = modal(panel())
+    assert given.doubts == ()
+    wrong = replace(given, shapes=given.shapes * np.where(np.arange(30) < 6, 1.0, factor))
+    (doubt,) = wrong.doubts
+    least, most = (float(word) for word in doubt.partition("nodes ")[2].split(" times")[0].split(" to "))
+    assert 0.1 * factor < least < most < 10 * factor
+    if factor > 1:
+        # Rounding of such shapes hides the rigid motions; the message names no support.
+        with pytest.raises(DofMapError, match=r"not proven.*Likely cause: the elastic shapes of modal mass 1 move"):
+            in_dofs(wrong, ROOT)
+
+
+def test_a_mode_that_is_a_copy_of_another() -> None:
+    given = modal(panel())
+    shapes = given.shapes.copy()
+    shapes[:, 9] = -shapes[:, 8]
+    assert replace(given, shapes=shapes).doubts == ("modes 9 and 10 move all 36 dofs alike: is one a copy?",)
+
+
+def test_the_order_of_modal_masses_is_known_by_their_records() -> None:
+    """Matrices of their own show it only if all masses are one."""
+    given = modal(panel())
+    assert given.order is not None and given.order.status == "modal"
+    apart = replace(given, apart=True)
+    assert apart.order is not None and "alike" in apart.order.remark
+    assert replace(apart, M=np.diag(np.linspace(1, 2, 30)), K=given.K * np.linspace(1, 2, 30)).order is None
