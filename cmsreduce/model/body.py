@@ -171,6 +171,8 @@ class FEModel:
         True if the user vouches for the order of the rows where it cannot be proven.
     sources : tuple of Source
         Files that the body was read from.
+    remarks : tuple of str
+        What was changed in reading it, with figures.
     terms : tuple of ParameterTerm
         What parameters of the scene add to its matrices, and gyroscopic matrices, which are added to its damping.
     corners : tuple of mapping of parameter to float
@@ -202,6 +204,7 @@ class FEModel:
     grounded: bool = False
     rows_trusted: bool = False
     sources: tuple[Source, ...] = ()
+    remarks: tuple[str, ...] = ()
     terms: tuple[ParameterTerm, ...] = ()
     corners: tuple[Values, ...] = ()
     # Matrices that were checked already: `dataclasses.replace` hands them on, and a large one takes as long to check as

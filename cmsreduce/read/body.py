@@ -24,6 +24,7 @@ from cmsreduce.read.scalar_points import with_places
 __all__ = ["read_body"]
 
 _TRANSLATIONS = 3
+_NAMED = 5
 _LAST_NUMBERS = (
     ". Rows with numbers beyond those of the geometry were taken as dofs inside elements; a rigid body (*RIGID BODY, "
     "*COUPLING) has such rows too, and then the geometry must be the .inp file"
@@ -114,12 +115,26 @@ def read_body(
         inner = table.component == SCALAR
         inner[sets.get("q", np.empty(0, np.int64))] = True
         also = (shape.node_sets, shape.expanded) if shape is not None else ()
+        remarks = []
         if nodes is not None:
-            table, nodes = with_places(K.A, table, nodes)
+            placed, nodes = with_places(K.A, table, nodes)
+            moving = np.flatnonzero(placed.component != table.component)
+            if moving.size:
+                shown = ", ".join(placed.labels[row] for row in moving[:_NAMED])
+                more = f" and {moving.size - _NAMED} more" if moving.size > _NAMED else ""
+                remarks.append(f"{name}: scalar points on springs move with the body, as dofs {shown}{more}")
+            table = placed
+        stiff, largest, share = (K.A, 0.0, 0.0) if grounded else without_round_off(K.A, M.A, inner)
+        if largest:
+            remarks.append(
+                f"{name}: the boundary of the superelement resists nothing: its entries in the stiffness, up to "
+                f"{largest:.2g} ({share:.1e} of its rows' stiffness by mass and lowest mode), are rounding of "
+                "condensation and were set to zero"
+            )
         resolved = {face: resolve_interface(name, face, one, table, nodes, sets, *also) for face, one in named.items()}
         return FEModel(
             name,
-            K.A if grounded else without_round_off(K.A, M.A, inner),
+            stiff,
             M.A,
             table,
             nodes=nodes,
@@ -133,6 +148,7 @@ def read_body(
             grounded=grounded,
             rows_trusted=rows_trusted,
             sources=sources,
+            remarks=tuple(remarks),
         )
 
     candidates = _possible_rows(name, matrices["stiffness"], matrices["mass"], shape, set_name)

@@ -87,6 +87,7 @@ def test_an_oscillator_on_one_dof_moves_with_the_body(model, tmp_path, node, com
     assert abs(body.K @ R).max() < 1e-9 * abs(body.K).max()
     # Six motions without force, and the mass that moves with the body includes that of the point.
     assert rigid_body_modes(body.K, body.M, R, body.rounding, "tank").shape[1] == 6
+    assert body.remarks == (f"tank: scalar points on springs move with the body, as dofs {POINT}.{component}",)
     before = rigid_body_shapes(model.body.dofs, model.body.nodes)
     expected = before.T @ (model.body.M @ before) + MASS * np.outer(R[-1], R[-1])
     np.testing.assert_allclose(R.T @ (body.M @ R), expected, atol=1e-9)

@@ -93,7 +93,7 @@ def body_as_read(name: str, part: Component, units: Units) -> AsRead:
         grounded=part.grounded,
         interfaces=interfaces,
     )
-    return AsRead(body)
+    return AsRead(body, remarks=body.remarks)
 
 
 def recovered_body(body: FEModel, part: Component) -> tuple[FEModel, str]:

@@ -17,7 +17,7 @@ __all__ = ["without_round_off"]
 _ROUND_OFF = 1e-6
 
 
-def without_round_off(K: sp.csc_array, M: sp.csc_array, inner: NDArray[np.bool_]) -> sp.csc_array:
+def without_round_off(K: sp.csc_array, M: sp.csc_array, inner: NDArray[np.bool_]) -> tuple[sp.csc_array, float, float]:
     """Stiffness without the rows of the boundary, if all their entries are round-off of condensation.
 
     Parameters
@@ -29,8 +29,11 @@ def without_round_off(K: sp.csc_array, M: sp.csc_array, inner: NDArray[np.bool_]
 
     Returns
     -------
-    (n, n) sparse array
+    K : (n, n) sparse array
         ``K`` itself if the boundary resists something.
+    largest, share : float
+        Largest entry that was removed, and the largest one relative to the stiffness of its rows; both 0 if there is
+        none.
 
     Notes
     -----
@@ -40,14 +43,15 @@ def without_round_off(K: sp.csc_array, M: sp.csc_array, inner: NDArray[np.bool_]
     mass, stiffness = M.diagonal(), K.diagonal()
     sways = inner & (mass > 0) & (stiffness > 0)
     if not sways.any():
-        return K
+        return K, 0.0, 0.0
     least = float((stiffness[sways] / mass[sways]).min()) * np.maximum(mass, 0.0)
     size = np.sqrt(np.maximum(abs(stiffness), least))
     entries = sp.coo_array(K)
     kept = inner[entries.row] & inner[entries.col]
     outside = ~kept
-    noise = _ROUND_OFF * size[entries.row[outside]] * size[entries.col[outside]]
+    removed, scale = abs(entries.data[outside]), size[entries.row[outside]] * size[entries.col[outside]]
     # A soft spring between two grids of the boundary stands beside rows that resist.
-    if not outside.any() or (abs(entries.data[outside]) > noise).any():
-        return K
-    return sp.csc_array((entries.data[kept], (entries.row[kept], entries.col[kept])), shape=K.shape)
+    if not removed.any() or (removed > _ROUND_OFF * scale).any():
+        return K, 0.0, 0.0
+    rest = sp.csc_array((entries.data[kept], (entries.row[kept], entries.col[kept])), shape=K.shape)
+    return rest, float(removed.max()), float((removed[removed > 0] / scale[removed > 0]).max())
