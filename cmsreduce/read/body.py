@@ -13,7 +13,7 @@ from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, SI, Damping, DofTable, FEModel, Source, Units, rounding_of_values
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import NODE_ROWS, Geometry
-from cmsreduce.read.geometry import read_geometry
+from cmsreduce.read.geometry import other_length, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_interface
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
@@ -115,7 +115,7 @@ def read_body(
         inner = table.component == SCALAR
         inner[sets.get("q", np.empty(0, np.int64))] = True
         also = (shape.node_sets, shape.expanded) if shape is not None else ()
-        remarks = []
+        remarks = [] if shape is None else [*other_length(name, shape, units)]
         if nodes is not None:
             placed, nodes = with_places(K.A, table, nodes)
             moving = np.flatnonzero(placed.component != table.component)

@@ -139,6 +139,22 @@ class MatrixFormat:
     dof_list: bool = False
 
 
+@dataclass(frozen=True)
+class StatedLength:
+    """Unit of length that a geometry file states.
+
+    Parameters
+    ----------
+    metres : float
+        Metres in one unit of its coordinates.
+    where : str
+        Part of the file that states it, such as ``/UNITS,MPA``.
+    """
+
+    metres: float
+    where: str
+
+
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """Nodes of a body and the dof tables that its matrices may have.
@@ -165,6 +181,8 @@ class Geometry:
         Nodes that a node of a shell or a beam became where the solver makes solids of them.
     turning : mapping of int to int
         Node by the number under which its rotations have rows: these are labelled with components 1..3.
+    length : StatedLength, optional
+        Unit of the coordinates, where the file states one.
     """
 
     path: Path
@@ -177,6 +195,7 @@ class Geometry:
     node_sets: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     expanded: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     turning: Mapping[int, int] = field(default_factory=dict)
+    length: StatedLength | None = None
 
     @classmethod
     def of_mesh(cls, path: Path, nodes: Nodes) -> Geometry:
@@ -218,6 +237,8 @@ class GeometryFormat:
         How the program writes the matrices that belong to such a file, for messages.
     states : callable
         Mass and strain energy that the elements of a file state.
+    length : callable
+        Unit of the coordinates, from text at the start of a file; None where it states none.
     """
 
     name: str
@@ -227,6 +248,7 @@ class GeometryFormat:
     cells: Callable[[Path], Cells]
     matrices: str = "name the file that has the stiffness and the mass"
     states: Statement = nothing_stated
+    length: Callable[[str], StatedLength | None] = lambda head: None
 
 
 def rows_of_nodes(nodes: Nodes, count: int) -> DofTable:

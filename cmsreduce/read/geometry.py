@@ -5,20 +5,25 @@ meshio reads every file that no registered format takes.
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
-from cmsreduce.model import Nodes
+from cmsreduce.model import Nodes, Units, units_of
 from cmsreduce.read.file_kind import GEOMETRY_HEAD, file_kind, geometry_format
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
 from cmsreduce.read.mesh import MESH
 from cmsreduce.read.stated import StatedEnergy, StatedMass
 
-__all__ = ["deck_statement", "read_cells", "read_geometry"]
+__all__ = ["deck_statement", "other_length", "read_cells", "read_geometry"]
+
+# Files state factors between units with four digits or more.
+_SAME_UNIT = 1e-3
 
 
 def read_geometry(path: Path) -> Geometry:
@@ -51,7 +56,32 @@ def read_geometry(path: Path) -> Geometry:
             f"{path}: the coordinates of node {found.nodes.id[lost][0]} are not finite; the file is damaged, or the "
             "program that wrote it had no place for the node: write it again"
         )
-    return found
+    head = read_head(path, GEOMETRY_HEAD, f"{path}: the geometry").decode("latin-1")
+    return replace(found, length=format.length(head.replace("\r", "")))
+
+
+def other_length(body: str, shape: Geometry, units: Units) -> tuple[str, ...]:
+    """Remark on a body whose geometry states another unit of length than that in which the body is read.
+
+    Parameters
+    ----------
+    body : str
+        Name of the body.
+    shape : Geometry
+        Its geometry.
+    units : Units
+        Unit system of its files, by the keys.
+    """
+    stated = shape.length
+    if stated is None or math.isclose(stated.metres, units.length, rel_tol=_SAME_UNIT):
+        return ()
+    lengths = units_of("length").items()
+    names = (name for name, value in lengths if math.isclose(value, stated.metres, rel_tol=_SAME_UNIT))
+    said = next(names, f"units of {stated.metres:.6g} m")
+    return (
+        f"{body}: {shape.path} states coordinates in {said} ({stated.where}), and the body is read in {units.name}: "
+        f"set `units:` of the component to the system of its files, or write the coordinates in {units.length_name}",
+    )
 
 
 def read_cells(path: Path) -> Cells:

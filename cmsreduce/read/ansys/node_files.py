@@ -10,13 +10,17 @@ import numpy as np
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.ansys.full_file import RESULT, binary_kind, library_refused
-from cmsreduce.read.formats import Geometry, GeometryFormat
+from cmsreduce.read.formats import Geometry, GeometryFormat, StatedLength
 from cmsreduce.read.libraries import Arrays, arrays_of, cells_of
 from cmsreduce.read.printed_numbers import coordinate_rounding, decimals
 
 __all__ = ["NODE_FILE"]
 
 _NODE_BLOCK = re.compile(r"^NBLOCK\s*,", re.IGNORECASE | re.MULTILINE)
+
+_UNITS = re.compile(r"^\s*/UNITS\s*,\s*(\w+)", re.IGNORECASE | re.MULTILINE)
+# Metres by the label of the command /UNITS.
+_LENGTHS = {"SI": 1.0, "MKS": 1.0, "UMKS": 1e-6, "CGS": 1e-2, "MPA": 1e-3, "BFT": 0.3048, "BIN": 0.0254}
 
 
 def _arrays(path: Path) -> Arrays:
@@ -46,10 +50,17 @@ def _read_nodes(path: Path) -> Geometry:
     return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(decimals(path, xyz))))
 
 
+def _stated_length(head: str) -> StatedLength | None:
+    found = _UNITS.search(head)
+    metres = None if found is None else _LENGTHS.get(found[1].upper())
+    return None if found is None or metres is None else StatedLength(metres, f"/UNITS,{found[1]}")
+
+
 NODE_FILE = GeometryFormat(
     "ansys",
     "ANSYS .rst or .cdb",
     lambda head: binary_kind(head[:12].encode("latin-1")) == RESULT or _NODE_BLOCK.search(head) is not None,
     _read_nodes,
     lambda path: cells_of(path, _arrays(path)),
+    length=_stated_length,
 )

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Nodes
+from cmsreduce.model import Nodes, units_of
 from cmsreduce.read.files import read_text
-from cmsreduce.read.formats import Geometry, GeometryFormat
+from cmsreduce.read.formats import Geometry, GeometryFormat, StatedLength
 from cmsreduce.read.printed_numbers import coordinate_rounding, real_number, rounding_of_digits
 
 __all__ = ["NODE_LISTING"]
@@ -24,6 +24,8 @@ __all__ = ["NODE_LISTING"]
 # X, Y and Z as words of their own, as in "NODE X Y Z" and "Node Number, X Location (m), ...".
 _HEADING = re.compile(r"(?i)(?<![a-z])x(?![a-z]).*(?<![a-z])y(?![a-z]).*(?<![a-z])z(?![a-z])")
 _HEADING_LINES = 40
+# The unit in "X Location (mm)".
+_UNIT = re.compile(r"(?i)(?<![a-z])x(?![a-z])[^()\n]{0,20}\(([a-z]{1,4})\)")
 # No line of a list is longer; patterns with blanks on both sides of a separator take the square of a length.
 _LONGEST_LINE = 1000
 _DECIMAL = re.compile(r"[+-]?\d*\.\d*(?:[EeDd][+-]?\d+)?")
@@ -124,10 +126,19 @@ def _read_listing(path: Path) -> Geometry:
     return Geometry.of_mesh(path, Nodes.in_basic(ids, xyz, rounding))
 
 
+def _stated_length(head: str) -> StatedLength | None:
+    """Unit of the heading right above the nodes, as Mechanical writes it."""
+    lines = islice(head.splitlines(), _HEADING_LINES)
+    found = next((match for line in lines if (match := _UNIT.search(line[:_LONGEST_LINE])) is not None), None)
+    metres = None if found is None else units_of("length").get(found[1])
+    return None if found is None or metres is None else StatedLength(metres, found[0].strip())
+
+
 NODE_LISTING = GeometryFormat(
     "node-listing",
     "table 'node x y z' (ANSYS Mechanical, NLIST, *VWRITE)",
     _is_listing,
     _read_listing,
     lambda path: {},
+    length=_stated_length,
 )

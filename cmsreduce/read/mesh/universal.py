@@ -12,14 +12,17 @@ import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
-from cmsreduce.read.formats import Geometry, GeometryFormat
+from cmsreduce.read.formats import Geometry, GeometryFormat, StatedLength
 from cmsreduce.read.libraries import Arrays, arrays_of, cells_of
-from cmsreduce.read.printed_numbers import coordinate_rounding, decimals
+from cmsreduce.read.printed_numbers import coordinate_rounding, decimals, real_number
 
 __all__ = ["UNIVERSAL", "universal_arrays"]
 
 # The mark of a dataset, then its number.
 _START = re.compile(r"\s*-1\s*\n\s*\d{2,5}[bB]?\s")
+# Dataset 164: code and description of the units, then how many of them a metre, a newton and a kelvin are, in
+# columns of 25.
+_UNITS = re.compile(r"^\s*-1\s*\n\s*164\s*\n[^\n]*\n([^\n]{1,25})", re.MULTILINE)
 # Axes are printed with sixteen digits.
 _ALONG_BASIC = 1e-12
 
@@ -67,10 +70,17 @@ def _read_nodes(path: Path) -> Geometry:
     return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(decimals(path, xyz))))
 
 
+def _stated_length(head: str) -> StatedLength | None:
+    found = _UNITS.search(head)
+    factor = None if found is None or not found[1].strip() else real_number(found[1].split()[0])
+    return StatedLength(1 / factor, f"dataset 164: {factor:g} a metre") if factor is not None and factor > 0 else None
+
+
 UNIVERSAL = GeometryFormat(
     "universal",
     "universal files (.unv, .uff)",
     lambda head: _START.match(head.replace("\r", "")) is not None,
     _read_nodes,
     lambda path: cells_of(path, universal_arrays(path)),
+    length=_stated_length,
 )

@@ -14,7 +14,7 @@ from cmsreduce.model import DofTable, RigidBody, Source, Units, cross_matrix, ri
 from cmsreduce.read.file_kind import read_rows
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import Geometry
-from cmsreduce.read.geometry import read_geometry
+from cmsreduce.read.geometry import other_length, read_geometry
 from cmsreduce.read.interfaces import MatrixSource
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
@@ -107,6 +107,7 @@ def read_modes(
         nodes=shape.nodes,
         units=units,
         rounding=max(Phi.rounding, *(one.rounding for one in read), 2.0**-53),
+        remarks=other_length(name, shape, units),
         apart=bool(read),
         sources=tuple(Source(str(path), sha256_of(path), what) for path, what in files.items()),
     )

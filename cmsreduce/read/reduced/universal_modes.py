@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError, ReadError
 from cmsreduce.model import DofTable, Nodes, RigidBody, Source, Units, rigid_body_shapes
 from cmsreduce.read.files import sha256_of
-from cmsreduce.read.geometry import read_geometry
+from cmsreduce.read.geometry import other_length, read_geometry
 from cmsreduce.read.mesh import universal_arrays
 from cmsreduce.read.reduced.modal_body import ModalBody
 from cmsreduce.read.reduced.modes import with_rigid_motions
@@ -93,7 +93,8 @@ def read_universal_modes(
     """
     arrays = universal_arrays(path)
     node, modes = _modes(name, path, arrays)
-    nodes = read_geometry(path if geometry is None else geometry).nodes
+    shape = read_geometry(path if geometry is None else geometry)
+    nodes = shape.nodes
     lost = nodes.index(node) < 0
     if lost.any():
         raise ReadError(
@@ -134,7 +135,7 @@ def read_universal_modes(
         units=units,
         rounding=_ROUNDING,
         sources=tuple(Source(str(each), sha256_of(each), what) for each, what in files.items()),
-        remarks=turned if worst.apart > 0 else (),
+        remarks=(*(turned if worst.apart > 0 else ()), *other_length(name, shape, units)),
     )
     return with_rigid_motions(modal, rigid, grounded)
 
