@@ -77,20 +77,21 @@ def elastic_states(system: System) -> ElasticStates:
     Raises
     ------
     MatrixError
-        If damping is a complex stiffness, or acts on the rigid motions, so that the two parts are not in parallel.
+        If damping is a complex stiffness, or acts on the rigid motions, so that the two parts are not in parallel, or a
+        shape without mass is damped or moves a rate output.
     """
     _refuse_size_and_loss(system)
     K, M = dense(system.K), dense(system.M)
     D = np.zeros_like(K) if system.D is None else dense(system.D)
     lam, Phi, N = elastic_and_massless(K, M, system.rigid, system.rounding)
-    if N.shape[1] and system.gyroscopic:
-        _refuse_rates(system, N, float(lam.max(initial=0.0)) ** 0.5)
     w = np.sqrt(lam)
     modal = Phi.T @ D @ Phi
     if system.rigid.shape[1] and abs(D @ system.rigid).max(initial=0.0) > _DAMPED * abs(D).max(initial=0.0):
         raise MatrixError(
             "the damping acts on the system's rigid motions, so that its elastic part cannot be balanced alone"
         )
+    if N.shape[1]:
+        _refuse_rates(system, N, float(w.max(initial=0.0)))
     A = np.block([[np.zeros((w.size, w.size)), np.diag(w)], [-np.diag(w), -modal]])
     force = Phi.T @ system.B
     return ElasticStates(

@@ -59,9 +59,21 @@ def test_displacements_and_rates_of_a_motion() -> None:
     np.testing.assert_allclose(moves @ found.A, rates)
 
 
+def dashpot_in_series() -> np.ndarray:
+    """The dashpot of the masses, and one of 0.5 beside the spring of the tip."""
+    D = two_masses().D.copy()
+    D[1:, 1:] += 0.5 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return D
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
-    [({"loss": 0.02 * np.eye(3)}, "complex stiffness"), ({"D": np.eye(3)}, "acts on the system's rigid motions")],
+    [
+        ({"loss": 0.02 * np.eye(3)}, "complex stiffness"),
+        ({"D": np.eye(3)}, "acts on the system's rigid motions"),
+        ({"D": dashpot_in_series()}, "a shape without mass is damped"),
+        ({"C2": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}, "the rate output 'tip' moves with a shape without mass"),
+    ],
 )
 def test_what_cannot_be_split(changes: dict[str, np.ndarray], words: str) -> None:
     with pytest.raises(MatrixError, match=words):
