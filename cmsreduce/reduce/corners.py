@@ -70,9 +70,13 @@ def with_corners(body: FEModel, modes: ModeSet, corners: Sequence[tuple[str, Mod
         return np.asarray(X.T @ (body.K @ Y) + w**2 * (X.T @ (body.M @ Y)))
 
     base = np.asarray(modes.Phi)
-    weight, V = np.linalg.eigh(congruence(body.K, base) + w**2 * congruence(body.M, base))
+    energy = congruence(body.K, base) + w**2 * congruence(body.M, base)
+    # Of unit energy each: a unit motion may have 1e16 times that of a mode of unit mass, which is rounding beside it.
+    size = np.sqrt(np.maximum(energy.diagonal(), 0.0))
+    unit = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    weight, V = np.linalg.eigh(unit[:, None] * energy * unit)
     own = weight > np.finfo(float).eps * base.shape[1] * weight.max(initial=0.0)
-    orthonormal = base @ (V[:, own] / np.sqrt(weight[own]))
+    orthonormal = base @ (unit[:, None] * V[:, own] / np.sqrt(weight[own]))
     blocks, kinds, labels = [], list[ModeKind](), list[str]()
     for label, found in corners:
         X = np.asarray(found.Phi)
