@@ -121,8 +121,11 @@ def rigid_residual(
     centre = nodes.xyz[with_rows].mean(axis=0)
     arms = np.linalg.norm(nodes.xyz - centre, axis=1)
     length = float(np.sqrt(np.mean(arms**2))) or 1.0
+    rigid = _scaled(rigid_body_shapes(dofs, nodes, centre), length)
     motions = _admissible(constrained, nodes, centre, length)
-    shapes = _scaled(rigid_body_shapes(dofs, nodes, centre), length) @ motions
+    if motions.shape[1] < _ALL:
+        motions = motions @ _seen(rigid @ motions)
+    shapes = rigid @ motions
     force = symmetric_product(K)(shapes)
     if not motions.shape[1]:
         zero = np.zeros(len(dofs))
@@ -248,6 +251,13 @@ def _admissible(constrained: DofTable | None, nodes: Nodes, centre: Array, lengt
     _, size, motions = np.linalg.svd(np.vstack([R, np.zeros((6, 6))]), full_matrices=False)
     free: Array = motions[size <= _AT_REST * max(size[0], 1.0)].T
     return free
+
+
+def _seen(shapes: Array) -> Array:
+    """Combinations (m, k) of the motions of some shapes (n, m) that move a row; a plane body has no others to prove."""
+    _, size, motions = np.linalg.svd(shapes, full_matrices=False)
+    seen: Array = motions[size > _AT_REST * max(float(size.max(initial=0.0)), 1.0)].T
+    return seen
 
 
 def _misplaced(dofs: DofTable, nodes: Nodes, arms: Array) -> Array:

@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import DofTable, FEModel
+from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.read import prove_row_order
 from tests.frames import frame
 from tests.solids import block, face
@@ -92,3 +92,34 @@ def test_trust_replaces_the_proof_and_says_what_is_wrong() -> None:
     assert prove_row_order(replace(block("free", [4, 1, 1], CELLS), rows_trusted=True)).status == "proven"
     plain = FEModel("s", sp.csc_array(np.eye(2)), sp.csc_array(np.eye(2)), DofTable([1, 2], [0, 0]), rows_trusted=True)
     assert prove_row_order(plain).status == "trusted"
+
+
+def test_motions_out_of_its_plane_prove_nothing_of_a_plane_body() -> None:
+    """A plane truss that the deck holds: motions across its plane move no row of it, in whatever order."""
+    xyz = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1.2, 1.1, 0], [2, 0.3, 0]]
+    bars = [(1, 2), (1, 3), (2, 3), (2, 4), (3, 4), (2, 5), (4, 5)]
+    body = plane_truss(xyz, bars, held=[(1, 1), (1, 2), (3, 1)])
+    proof = prove_row_order(body)
+    assert (proof.status, proof.motions) == ("proven", 0)
+    with pytest.raises(DofMapError):
+        prove_row_order(exchanged(body, 4, 5))
+    free = plane_truss(xyz, bars, held=[(1, 1)])
+    assert (prove_row_order(free).status, prove_row_order(free).motions) == ("proven", 2)
+
+
+def plane_truss(xyz: list[list[float]], bars: list[tuple[int, int]], held: list[tuple[int, int]]) -> FEModel:
+    """Bars of one stiffness, with rows x and y."""
+    at, n = np.array(xyz), 2 * len(xyz)
+    K = np.zeros((n, n))
+    for i, j in bars:
+        arm = (at[j - 1] - at[i - 1])[:2]
+        rows = [2 * i - 2, 2 * i - 1, 2 * j - 2, 2 * j - 1]
+        stretch = np.concatenate([-arm, arm]) / np.linalg.norm(arm)
+        K[np.ix_(rows, rows)] += 1e6 * np.outer(stretch, stretch) / np.linalg.norm(arm)
+    dofs = DofTable(np.repeat(np.arange(1, len(xyz) + 1), 2), np.tile([1, 2], len(xyz)))
+    gone = np.concatenate([dofs.rows(*one) for one in held])
+    kept = np.setdiff1d(np.arange(n), gone)
+    K = K[np.ix_(kept, kept)]
+    nodes = Nodes.in_basic(np.arange(1, len(xyz) + 1), at)
+    M = sp.eye_array(kept.size, format="csc")
+    return FEModel("truss", sp.csc_array(K), M, dofs[kept], nodes, constrained=dofs[gone])
