@@ -20,7 +20,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import SCALAR
 from cmsreduce.read.files import read_text
 
-__all__ = ["ExpandedElement", "Expansion", "expanded_node", "expansion_beside"]
+__all__ = ["PLANE", "ExpandedElement", "Expansion", "expanded_node", "expansion_beside"]
 
 _KNOT = re.compile(r"KNOT was generated in node\s+(\d+)")
 _ELEMENT = re.compile(
@@ -30,7 +30,16 @@ _ELEMENT = re.compile(
 # Nodes of the solid element at each node of a beam's two ends, then of its middle.
 _BEAM_ENDS = ((0, 3, 4, 7, 11, 15, 16, 19), (1, 2, 5, 6, 9, 13, 17, 18))
 _BEAM_MIDDLE = (8, 10, 12, 14)
-_UNREAD = {"M": "a membrane", "T": "a truss"}
+_SHELLS_OR_BEAMS = "give shells or beams in its place, or leave it out and add a spring to the scene"
+# Elements that CalculiX solves as one layer of solids, tied to move in a plane.
+PLANE = ("CPS", "CAX")
+# Kinds by the start of their label, and what to do.
+_UNREAD = {
+    "M": ("a membrane", _SHELLS_OR_BEAMS),
+    "T": ("a truss", _SHELLS_OR_BEAMS),
+    "CPS": ("a plane stress element", "mesh the body with shells, which move in space"),
+    "CAX": ("an axisymmetric element", "mesh the whole body with solids, which move in space"),
+}
 # Numbers that CalculiX reserves for each node of a shell or a beam, once for each normal.
 SHELL_NODES, BEAM_NODES = 3, 8
 
@@ -88,7 +97,7 @@ class Expansion:
         return {last[knot]: knot for knot in self.knots if knot in last}
 
     def refuse_unread(self) -> None:
-        """Refuse membranes and trusses, whose nodes follow each other in another way than those of shells and beams.
+        """Refuse elements whose rows are others than those of shells and beams: membranes, trusses, plane ones.
 
         Raises
         ------
@@ -96,11 +105,12 @@ class Expansion:
             With the first of them.
         """
         for element in self.elements:
-            if element.label[:1] in _UNREAD:
-                raise ReadError(
-                    f"{self.path}: element {element.number} is {_UNREAD[element.label[:1]]} ({element.label}), which "
-                    "is not read yet: give shells or beams in its place, or leave it out and add a spring to the scene"
-                )
+            for start, (words, advice) in _UNREAD.items():
+                if element.label.startswith(start):
+                    raise ReadError(
+                        f"{self.path}: element {element.number} is {words} ({element.label}), which is not read yet: "
+                        f"{advice}"
+                    )
 
     def relabelled(self, node: NDArray[np.int64], component: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
         """Labels of rows with the node that each row belongs to.
@@ -119,7 +129,7 @@ class Expansion:
         Raises
         ------
         ReadError
-            If there are membranes or trusses.
+            If there are elements of `refuse_unread`.
         """
         self.refuse_unread()
         node, component = node.copy(), component.copy()

@@ -13,7 +13,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.calculix_abaqus.constraints import rotation_nodes, supports
 from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, element_nodes, longest_start
-from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
+from cmsreduce.read.calculix_abaqus.expansion import PLANE, expansion_beside
 from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
 from cmsreduce.read.calculix_abaqus.sections import expanded_places
 from cmsreduce.read.calculix_abaqus.statement import input_file_statement
@@ -188,6 +188,8 @@ def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: floa
     turning = rotation_nodes(deck, sets, max(nodes))
     held = supports(deck, sets, turning)
     expansion = expansion_beside(path)
+    if expansion is not None and any(block.option("TYPE").startswith(PLANE) for block in deck):
+        expansion.refuse_unread()
     if expansion is not None and any(sets.topology.get(each.number) != each.nodes for each in expansion.elements):
         # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
         expansion = None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets
 from cmsreduce.read.calculix_abaqus.expansion import SHELL_NODES, ExpandedElement, Expansion
+from cmsreduce.read.printed_numbers import number_of, real_number
 
 __all__ = ["expanded_places"]
 
@@ -69,7 +70,7 @@ def expanded_places(
     Raises
     ------
     ReadError
-        If an element has no section, or one that is not read, or is a membrane or a truss.
+        If an element has no section, or one that is not read, or is of a kind that `Expansion` refuses.
 
     Notes
     -----
@@ -147,20 +148,17 @@ def _sections(deck: Sequence[Block], sets: DeckSets) -> dict[int, _Section]:
     found: dict[int, _Section] = {}
     for block in deck:
         if block.keyword == "NORMAL":
-            raise ReadError(f"{block.where}: normals that the user gives are not read: {_ADVICE}")
-        if block.keyword not in ("SHELL SECTION", "BEAM SECTION"):
+            raise ReadError(f"{block.where}: a normal that the user gives {_ADVICE}")
+        if block.keyword not in ("SHELL SECTION", "BEAM SECTION", "BEAM GENERAL SECTION"):
             continue
         try:
-            rows = [[float(text) for text in fields if _is_number(text)] for fields in block.rows]
+            found_in = ([real_number(text) for text in fields] for fields in block.rows)
+            rows = [[number for number in numbers if number is not None] for numbers in found_in]
             section = _shell(block, rows) if block.keyword == "SHELL SECTION" else _beam(block, rows)
         except (ValueError, IndexError):
             raise ReadError(f"{block.where}: its thickness or its offset is no number") from None
         found |= dict.fromkeys(sets.elements.get(block.option("ELSET"), ()), section)
     return found
-
-
-def _is_number(text: str) -> bool:
-    return bool(text) and not text[0].isalpha()
 
 
 def _shell(block: Block, rows: list[list[float]]) -> _Section:
@@ -171,7 +169,8 @@ def _shell(block: Block, rows: list[list[float]]) -> _Section:
 
 
 def _beam(block: Block, rows: list[list[float]]) -> _Section:
-    kind = block.option("SECTION")
+    # CalculiX compares the first four letters: RECTANGULAR is RECT.
+    kind = block.option("SECTION")[:4]
     if kind not in _SECTIONS:
         raise ReadError(f"{block.where}: the section {kind or '(unnamed)'} {_ADVICE}")
     # By default the first axis is -z.
@@ -182,4 +181,4 @@ def _beam(block: Block, rows: list[list[float]]) -> _Section:
 
 
 def _offsets(block: Block, *names: str) -> tuple[float, ...]:
-    return tuple(float(block.options.get(name) or 0) for name in names)
+    return tuple(number_of(block.options.get(name) or "0") for name in names)

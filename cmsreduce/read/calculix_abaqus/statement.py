@@ -41,6 +41,8 @@ _MASSLESS = ("SPRING", "DASHPOT")
 _OTHERS = (
     *("NONSTRUCTURAL MASS", "ROTARY INERTIA", "POINT MASS", "MASS ADJUST", "MATRIX INPUT"),
     *("MODEL CHANGE", "SUPER ELEMENT", "SUBSTRUCTURE PROPERTY", "DISTRIBUTION", "ELGEN", "ELCOPY", "USER ELEMENT"),
+    # Its cut makes nodes of its own.
+    "PRE-TENSION SECTION",
 )
 # Keywords that add stiffness; and steps whose stresses or yielding change that of the next step.
 _STIFFENING = ("SPRING", "CONTACT PAIR", "CONTACT", "GAP")

@@ -1,0 +1,61 @@
+"""CalculiX decks as users write them: exponents of Fortran, other names of sections, plane elements."""
+
+import numpy as np
+import pytest
+
+from cmsreduce.errors import ReadError
+from cmsreduce.pipeline.evidence.deck_agreement import statement_of
+from cmsreduce.read import prove_row_order, read_geometry
+from tests.golden.calculix_bodies import Deck, solve
+from tests.golden.test_calculix_bodies import read
+
+pytestmark = pytest.mark.ccx
+
+LINE = [(x, 0.0, 0.0) for x in (0.0, 0.25, 0.5, 0.75, 1.0)]
+
+
+def beam(section: str) -> str:
+    deck = Deck(section)
+    for at in (0, 2):
+        deck.add("B32R", LINE[at : at + 3])
+    return deck.text()
+
+
+@pytest.mark.parametrize(
+    ("section", "old", "new"),
+    [
+        ("RECT\n0.02, 0.03", "0.02, 0.03\n0.1, 1., 0.3", "2.d-2, .3D-1\n1.d-1, 1.d0, 3.d-1"),
+        ("RECT\n0.02, 0.03", "SECTION=RECT", "SECTION=Rectangular"),
+        ("RECT\n0.02, 0.03", "SECTION=RECT", "OFFSET1=0.d0, SECTION=RECT"),
+        ("PIPE\n0.02, 0.002", "*BEAM SECTION", "*BEAM GENERAL SECTION"),
+        ("BOX\n0.04, 0.03, 0.002, 0.002, 0.002, 0.002", "*BEAM SECTION", "*BEAM GENERAL SECTION"),
+    ],
+)
+def test_sections(tmp_path, section, old, new):
+    found = []
+    for text in (beam(section), beam(section).replace(old, new)):
+        solve(tmp_path, "bar", text, matrices=True)
+        found.append(read(tmp_path))
+        assert prove_row_order(found[-1]).status == "proven"
+    assert new in text
+    assert np.array_equal(found[0].nodes.xyz, found[1].nodes.xyz)
+    assert abs(found[0].K - found[1].K).max() <= 1e-9 * abs(found[0].K).max()
+
+
+@pytest.mark.parametrize(("kind", "words"), [("CPS4", "a plane stress element"), ("CAX4", "an axisymmetric element")])
+def test_elements_in_a_plane_are_refused_by_name(tmp_path, kind, words):
+    text = Deck().plate("S4", (3, 2), (1, 0, 0), (1, 0, 0), (0, 0.4, 0)).text()
+    text = text.replace("TYPE=S4", f"TYPE={kind}").replace("*SHELL SECTION", "*SOLID SECTION")
+    solve(tmp_path, "bar", text, matrices=True)
+    with pytest.raises(ReadError, match=rf"bar\.12d: element 1 is {words} \({kind}.*mesh the"):
+        read_geometry(tmp_path / "bar.inp")
+
+
+def test_a_bolt_with_pre_tension_is_no_statement_of_stiffness(tmp_path):
+    deck = Deck().solid("C3D8", (4, 1, 1), (1, 0.1, 0.15))
+    deck.keywords = (
+        "*NODE\n99, 0., 0., 0.\n*SURFACE, NAME=CUT\n2, S4\n*PRE-TENSION SECTION, SURFACE=CUT, NODE=99\n1., 0., 0.\n"
+        "*BOUNDARY\n99, 1, 1\n"
+    )
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    assert statement_of(tmp_path / "bar.inp", read(tmp_path)) == (None, None)
