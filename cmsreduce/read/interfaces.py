@@ -272,12 +272,15 @@ def _absent(node: int, dofs: DofTable, nodes: Nodes | None) -> str:
             f"the nearest ids are {', '.join(map(str, near))}"
         )
     placed = known[nodes.index(known) >= 0]
+    absent = f"node {node} is in the geometry but has no rows in the matrices"
+    if not placed.size:
+        return f"{absent}, and so has none of the {len(nodes)} nodes of the geometry; both must be of one model"
     away = np.linalg.norm(nodes.xyz[nodes.index(placed)] - nodes.xyz[at], axis=1)
     order = np.argsort(away, kind="stable")[:_NEAREST]
     near_by = ", ".join(f"{placed[k]} ({away[k]:.3g} away)" for k in order)
     return (
-        f"node {node} is in the geometry but has no rows in the matrices: it was condensed out or is constrained. Keep "
-        f"it when the matrices are written, or take one of the {known.size} nodes with rows, such as {near_by}"
+        f"{absent}: it was condensed out or is constrained. Keep it when the matrices are written, or take one of the "
+        f"{placed.size} nodes with rows, such as {near_by}"
     )
 
 

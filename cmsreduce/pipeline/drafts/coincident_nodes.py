@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel
-from cmsreduce.pipeline.drafts.proposed_interfaces import Place, nearest, position
+from cmsreduce.pipeline.drafts.proposed_interfaces import Place, in_line, nearest, position
 
 __all__ = ["Meeting", "meetings"]
 
@@ -20,8 +20,6 @@ _COINCIDENT = 1e-5
 _SAME_PLACE = 0.5
 # Up to so many nodes are joined one by one, which is exact; a tie of more costs a reduced body less.
 _EXACT = 12
-# Nodes with less spread across a line, relative to that along it, are in line.
-_IN_LINE = 1e-6
 _SIX = 6
 
 
@@ -127,8 +125,7 @@ def _tieable(body: FEModel, ids: list[int]) -> bool:
     counts = [set(body.dofs.component[body.dofs.node == node].tolist()) for node in ids]
     if not all({1, 2, 3} <= each for each in counts):
         return False
-    s = np.linalg.svd(_xyz(body, np.array(ids)) - _xyz(body, np.array(ids)).mean(axis=0), compute_uv=False)
-    return bool((s.size > 1 and s[1] > _IN_LINE * s[0]) or all(len(each) == _SIX for each in counts))
+    return not in_line(body, ids) or all(len(each) == _SIX for each in counts)
 
 
 def _side(bodies: Mapping[str, FEModel], name: str, other: str, ids: list[int], tied: bool) -> Meeting:

@@ -17,7 +17,7 @@ from cmsreduce.pipeline.bodies import REDUCED_FILES, material_of, plausible_unit
 from cmsreduce.pipeline.drafts.body_files import bodies_of_files, body_names, deck_beside
 from cmsreduce.pipeline.drafts.coincident_nodes import meetings
 from cmsreduce.pipeline.drafts.first_mode import QUICK, first_elastic, free_motions
-from cmsreduce.pipeline.drafts.mounts import cells_of, joined, mounted, translations_of
+from cmsreduce.pipeline.drafts.mounts import cells_of, joined, mounted, moving_along, translations_of
 from cmsreduce.read import (
     MatrixSource,
     file_kind,
@@ -157,7 +157,9 @@ def _read_reduced(name: str, path: Path) -> tuple[None, BodyDraft]:
     label, face = next(iter(modal.sets.items()), ("", None))
     node = int(nodes[counts.argmax()] if face is None or not face.nodes else face.nodes[0])
     words = f"one of {len(nodes)} nodes" if face is None else "an interface of the file"
-    at = modal.nodes.xyz[modal.nodes.index(np.append(nodes, node))]
+    axes = translations_of(modal.dofs, node)
+    others = moving_along(modal.dofs, axes)
+    at = modal.nodes.xyz[modal.nodes.index(np.append(others, node))]
     stiff = la.eigvalsh(modal.K, modal.M)[int((~modal.K.any(axis=0)).sum()) :]
     return None, BodyDraft(
         name,
@@ -165,8 +167,8 @@ def _read_reduced(name: str, path: Path) -> tuple[None, BodyDraft]:
         (path, ""),
         interfaces=(("mount", f"{{set: {label}}}" if label else f"{{node: {node}}}", words),),
         point=str(node),
-        far=int(nodes[np.linalg.norm(at[:-1] - at[-1], axis=1).argmax()]),
-        axes=translations_of(modal.dofs, node),
+        far=int(others[np.linalg.norm(at[:-1] - at[-1], axis=1).argmax()]),
+        axes=axes,
         elastic_hz=float(np.sqrt(max(stiff[0], 0.0)) / (2 * np.pi)) if stiff.size else None,
         damped=bool(modal.D.any()) or modal.damping.law != "none",
         reduced=path,
@@ -204,7 +206,8 @@ def _without_places(draft: BodyDraft, body: FEModel) -> BodyDraft:
     node = int(nodes[counts.argmax()])
     mount = (("mount", f"{{node: {node}}}", ""),)
     axes = translations_of(body.dofs, node)
-    return replace(draft, interfaces=mount, point=str(node), far=int(nodes[-1]), axes=axes, remark=remark)
+    far = int(moving_along(body.dofs, axes).max(initial=node))
+    return replace(draft, interfaces=mount, point=str(node), far=far, axes=axes, remark=remark)
 
 
 def _beside(draft: BodyDraft) -> Path | None:

@@ -177,6 +177,9 @@ def stiffness_and_mass(
             f"mass{_twice(heavy)}; name the stiffness too, and the deck or mesh that both came from: {command}"
         )
     K, M = _pair(stiff, candidates) or (_chosen(stiff or candidates, "k"), _chosen(heavy or candidates, "m"))
+    if K is M:
+        # Supports or ties in most rows hide what the other matrix is, and leave its name.
+        M = next((one for one in candidates if one is not K and one.called("m")), None)
     if K is None or M is None or K is M:
         what = _WORDS["k" if K is None else "m"]
         raise ReadError(

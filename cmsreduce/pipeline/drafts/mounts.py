@@ -15,7 +15,7 @@ from cmsreduce.pipeline.drafts.first_mode import softly_tied
 from cmsreduce.pipeline.drafts.proposed_interfaces import Place, proposed_interfaces
 from cmsreduce.read import read_cells, read_geometry
 
-__all__ = ["cells_of", "joined", "mounted", "translations_of"]
+__all__ = ["cells_of", "joined", "mounted", "moving_along", "translations_of"]
 
 _AXES = "xyz"
 
@@ -78,10 +78,9 @@ def _placed(draft: BodyDraft, body: FEModel, *places: Place) -> BodyDraft:
     first = places[0]
     node = next((each for each in first.nodes if each in body.nodes.id), first.nodes[0])
     axes = translations_of(body.dofs, node)
-    moving = body.dofs.node[body.dofs.component == 1 + _AXES.index(axes[0])]
     # A node that is tied has no rows of its own.
     tied = [node for place in places if place.tied for node in place.nodes]
-    seen = np.flatnonzero(np.isin(body.nodes.id, np.setdiff1d(moving, tied)))
+    seen = np.flatnonzero(np.isin(body.nodes.id, np.setdiff1d(moving_along(body.dofs, axes), tied)))
     # A tie is about the centroid of its nodes.
     about = body.nodes.xyz[body.nodes.index(first.nodes if first.tied else node)].mean(axis=0)
     away = np.linalg.norm(body.nodes.xyz[seen] - about, axis=1)
@@ -93,6 +92,12 @@ def translations_of(dofs: DofTable, node: int) -> str:
     """Axes along which a node has dofs; all three where it has none, so that a user sees them all."""
     own = set(dofs.component[dofs.node == node].tolist())
     return "".join(axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in own) or _AXES
+
+
+def moving_along(dofs: DofTable, axes: str) -> NDArray[np.int64]:
+    """Nodes that have dofs along all of some axes, ascending; a support leaves other nodes fewer."""
+    along = [np.unique(dofs.node[dofs.component == 1 + _AXES.index(axis)]) for axis in axes]
+    return along[0][np.logical_and.reduce([np.isin(along[0], each) for each in along])]
 
 
 def cells_of(draft: BodyDraft) -> Mapping[str, NDArray[np.int64]]:

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from cmsreduce.model import FEModel
 
-__all__ = ["Place", "nearest", "position", "proposed_interfaces"]
+__all__ = ["Place", "in_line", "nearest", "position", "proposed_interfaces"]
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.int64]
@@ -27,6 +27,8 @@ _SMOOTH = np.cos(np.radians(50.0))
 _FLAT = np.cos(np.radians(0.5))
 # Share of the radius by which nodes of a hole may miss its circle, and of its normals along its axis.
 _ROUND, _ALONG = 0.02, 0.05
+# Nodes with less spread across a line, relative to that along it, are in line.
+_IN_LINE = 1e-6
 _FULL_CIRCLE = np.radians(300.0)
 # A place with more nodes fills pages of a pipeline; a set of the deck names it better.
 _MOST_NODES, _MOST_PLACES = 400, 6
@@ -122,7 +124,10 @@ def _named_sets(
             nodes = tuple(one for group in groups for one in group if one in components)
             # A support is a set, too, and a tie needs all translations of its nodes.
             lost = any(not components.keys() & set(group) for group in groups)
-            if not lost and all(components[node] >= {1, 2, 3} for node in nodes if tie):
+            has = [components[node] for node in nodes if tie]
+            if tie and in_line(body, nodes) and not all(len(each) == _SIX for each in has):
+                continue
+            if not lost and all(each >= {1, 2, 3} for each in has):
                 yield Place(label, f"{{set: {plain}{tie}}}", nodes, words, ids.size > 1)
 
 
@@ -271,6 +276,9 @@ def _smooth_faces(surface: _Surface) -> Iterator[Ids]:
 
 def _cylinder(points: Array, normals: Array, centres: Array) -> float | None:
     """Radius of a hole through points whose outward normals point to its axis; None for any other face."""
+    # Around a full circle are three facets or more; one or two are warped, as the ends of a twisted body.
+    if len(normals) < 3:
+        return None
     _, s, Vt = np.linalg.svd(normals, full_matrices=False)
     if s[2] > _ALONG * s[0]:
         return None
@@ -289,6 +297,14 @@ def _cylinder(points: Array, normals: Array, centres: Array) -> float | None:
     # The gap between neighbours around a full circle is that between two nodes.
     full = 2 * np.pi - gap > _FULL_CIRCLE - np.radians(20.0)
     return radius if inward and full else None
+
+
+def in_line(body: FEModel, ids: Sequence[int]) -> bool:
+    """True if nodes are in line, so that a rigid tie of their translations leaves a rotation of its point free."""
+    assert body.nodes is not None
+    xyz = body.nodes.xyz[body.nodes.index(ids)]
+    s = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False)
+    return bool(s.size < 2 or s[1] <= _IN_LINE * s[0])
 
 
 def nearest(points: Array, among: Array) -> tuple[Array, Ids]:

@@ -1,0 +1,64 @@
+"""What a draft proposes is a pipeline that runs: faces, ties, sensors and roles of bodies that are held or twisted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.config import BodyDraft
+from cmsreduce.model import FEModel, Nodes
+from cmsreduce.pipeline.drafts.matrix_roles import Candidate, stiffness_and_mass
+from cmsreduce.pipeline.drafts.mounts import mounted
+from cmsreduce.pipeline.drafts.proposed_interfaces import proposed_interfaces
+from cmsreduce.read import LabelledMatrix
+from tests.solids import block
+
+BRICK = {"hexahedron": np.array([[1, 5, 7, 3, 2, 6, 8, 4]])}
+
+
+def without_rows(body: FEModel, node: int, components: list[int]) -> FEModel:
+    kept = np.setdiff1d(np.arange(body.n), body.dofs.rows(node, components))
+    return replace(body, K=body.K[kept][:, kept], M=body.M[kept][:, kept], dofs=body.dofs[kept])
+
+
+def test_the_far_sensor_is_where_all_its_axes_are() -> None:
+    """Node 8 is the farthest from node 1, and a support leaves it x and y."""
+    body = without_rows(block("body", (0.1, 0.06, 0.1), (1, 1, 1)), 8, [3])
+    draft = mounted(BodyDraft("body", (Path("k"), ""), (Path("m"), "")), body)
+    assert (draft.interfaces[0][1], draft.axes) == ("{node: 1}", "xyz")
+    assert draft.far != 8
+    assert set(body.dofs.component[body.dofs.node == draft.far].tolist()) == {1, 2, 3}
+
+
+def test_a_set_in_line_is_no_tie() -> None:
+    body = block("body", (0.1, 0.06, 0.1), (2, 1, 1))
+    edge = np.flatnonzero((abs(body.nodes.xyz[:, 1:]) == abs(body.nodes.xyz[0, 1:])).all(axis=1)) + 1
+    assert edge.size == 3
+    names = [place.name for place in proposed_interfaces(body, {}, {"EDGE": edge, "FACE": np.array([1, 2, 4, 5])})]
+    assert "EDGE" not in names and "FACE" in names
+
+
+def test_a_twisted_end_is_no_hole() -> None:
+    body = block("body", (0.1, 0.06, 0.1), (1, 1, 1))
+    xyz = body.nodes.xyz.copy()
+    xyz[7] += [0.02, 0, 0]
+    assert body.nodes is not None
+    twisted = replace(body, nodes=Nodes.in_basic(body.nodes.id, xyz))
+    names = [place.name for place in proposed_interfaces(twisted, BRICK)]
+    assert not any(name.startswith("hole") for name in names) and "face_1" in names
+
+
+@pytest.mark.parametrize("files", [("bar.sti", "bar.mas"), ("kaa.npz", "maa.npz")])
+def test_names_decide_where_the_content_does_not(files: tuple[str, str]) -> None:
+    """Translations cost force in most rows of a stiffness with supports, and in few of a mass with ties."""
+    shares = (0.1, 0.3)
+    every = [
+        Candidate(LabelledMatrix(sp.eye_array(3, format="csc"), "", Path(file), "text"), "", share, True)
+        for file, share in zip(files, shares, strict=True)
+    ]
+    draft = stiffness_and_mass("bar", every, None, (), "")
+    assert (draft.stiffness[0].name, draft.mass[0].name) == files
