@@ -51,8 +51,9 @@ def broken_limit(finding: Finding) -> str:
         reason = finding.note if "not measured" in finding.note else f"not measured: {finding.note}".rstrip(": ")
         return f"{label}: {reason}"
     if figure is None:
-        where = f" {place(finding.note)}" if finding.note else ""
-        return f"{label} is {number(finding.value)}{where}, above its limit {number(finding.limit)}"
+        # Notes of checks say more than a place.
+        more = f": {finding.note}" if finding.note else ""
+        return f"{label} is {number(finding.value)}, above its limit {number(finding.limit)}{more}"
     where = f" {place(finding.note)}" if finding.note else ""
     return f"{label} {figure.text(finding.value)}{where} is above its limit {figure.text(finding.limit)}"
 

@@ -59,10 +59,10 @@ def test_a_value_that_is_no_number_is_the_worst(make_run) -> None:
 
 def test_broken_limits_and_checks_are_named(make_run) -> None:
     run = make_run(limits={"frf_error": 0.015, "db_error": 1.0})
-    rotor = replace(run.components["rotor"], checks=(Finding("orthogonality in M", 1e-3, 1e-8),))
+    rotor = replace(run.components["rotor"], checks=(Finding("orthogonality in M", 1e-3, 1e-8, "at node 5"),))
     assert verdict_lines(replace(run, components={"rotor": rotor}).verdict) == [
         ("FAIL", "response error 2 % at spin=45 cone=30 is above its limit 1.5 %"),
-        ("FAIL", "rotor: orthogonality in M is 0.001, above its limit 1e-08"),
+        ("FAIL", "rotor: orthogonality in M is 0.001, above its limit 1e-08: at node 5"),
     ]
     assert verdict_lines(make_run().verdict) == []
 

@@ -124,10 +124,11 @@ def _named_sets(
             nodes = tuple(one for group in groups for one in group if one in components)
             # A support is a set, too, and a tie needs all translations of its nodes.
             lost = any(not components.keys() & set(group) for group in groups)
-            has = [components[node] for node in nodes if tie]
-            if tie and in_line(body, nodes) and not all(len(each) == _SIX for each in has):
+            if lost:
                 continue
-            if not lost and all(each >= {1, 2, 3} for each in has):
+            has = [components[node] for node in nodes if tie]
+            loose = tie and in_line(body, nodes) and not all(len(each) == _SIX for each in has)
+            if not loose and all(each >= {1, 2, 3} for each in has):
                 yield Place(label, f"{{set: {plain}{tie}}}", nodes, words, ids.size > 1)
 
 

@@ -186,6 +186,11 @@ def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool
         abs(symmetric_product(A)(shapes)).max(axis=1) for A, shapes in ((body.K, T), (absolute(body.K), abs(T)))
     )
     loud = force > max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * parts
+    if body.constrained is not None:
+        # Forces of supports along some axes may cancel, as in a plane of symmetry that holds a node on its both sides.
+        translations = body.constrained.component[:, None] == np.arange(1, 4)
+        partly = np.isin(body.dofs.node, body.constrained.node[translations.any(axis=1)])
+        loud |= symmetric_product(absolute(body.K))(partly[:, None].astype(float))[:, 0] > 0
     return ~np.isin(ids, body.dofs.node[loud])
 
 

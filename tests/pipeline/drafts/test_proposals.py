@@ -38,8 +38,9 @@ def test_a_set_in_line_is_no_tie() -> None:
     body = block("body", (0.1, 0.06, 0.1), (2, 1, 1))
     edge = np.flatnonzero((abs(body.nodes.xyz[:, 1:]) == abs(body.nodes.xyz[0, 1:])).all(axis=1)) + 1
     assert edge.size == 3
-    names = [place.name for place in proposed_interfaces(body, {}, {"EDGE": edge, "FACE": np.array([1, 2, 4, 5])})]
-    assert "EDGE" not in names and "FACE" in names
+    sets = {"EDGE": edge, "FACE": np.array([1, 2, 4, 5]), "ELSEWHERE": np.array([77, 78])}
+    names = [place.name for place in proposed_interfaces(body, {}, sets)]
+    assert "FACE" in names and not {"EDGE", "ELSEWHERE"} & set(names)
 
 
 def test_a_twisted_end_is_no_hole() -> None:

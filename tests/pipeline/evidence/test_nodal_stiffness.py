@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from cmsreduce.config import build_scene, load_pipeline
 from cmsreduce.model import DofTable, FEModel, Finding, Nodes, Proof, cross_matrix
 from cmsreduce.pipeline.bodies import read_flexible
+from cmsreduce.pipeline.evidence.nodal_mass import away_from_supports
 from cmsreduce.read.isoparametric import SOLIDS, slope_integrals
 from cmsreduce.read.stated_nodes import solid_forces
 from tests.frames import BAR, Section, beam_matrices, frame
@@ -198,3 +199,18 @@ def test_corners_of_quadratic_tetrahedra_have_no_force(tmp_path: Path, second: f
     assert proof.state == state, proof
     assert not [check for check in failed if "stiffness" in check.name] or state == "refuted"
     assert state == "refuted" or f"at {body.n // 3} of {body.n // 3} nodes" in proof.remark
+
+
+def test_nodes_beside_a_plane_of_symmetry_are_beside_supports() -> None:
+    """Supports across the plane take forces under uniform strain, which cancel at even meshes under translation."""
+    body = block("part", SIDES, CELLS)
+    assert body.nodes is not None
+    depth = body.nodes.xyz[:, 2]
+    held = body.dofs.rows(body.nodes.id[depth == depth.min()], [3])
+    kept = np.setdiff1d(np.arange(body.n), held)
+    half = replace(
+        body, K=body.K[kept][:, kept], M=body.M[kept][:, kept], dofs=body.dofs[kept], constrained=body.dofs[held]
+    )
+    away = away_from_supports(half, body.nodes.id)
+    layer = np.unique(depth)[1]
+    assert set(body.nodes.id[away]) == set(body.nodes.id[depth > layer])
