@@ -273,6 +273,7 @@ CASES = {
     "inertia of no body": Case(
         (r"study\.yaml:\d+", "inertia"), {"inertia: [0.2, 0.3, 0.25, 0.01, 0, 0]": "inertia: [0.2, 0.3, 5, 0, 0, 0]"}
     ),
+    "mass of no body": Case((r"study\.yaml:\d+", "1e.308 is no mass, length or inertia"), {"mass: 5.0": "mass: 1e308"}),
 }
 
 

@@ -204,6 +204,17 @@ def test_figures_that_contradict_the_verdict_are_refused(copied: Path, change, s
     assert result.exit_code == 2 and says in result.stderr
 
 
+@pytest.mark.parametrize("damage", ['"speed": [[]]', '"deep": ' + "[" * 5000])
+def test_a_damaged_summary_is_one_message(finished: Path, copied: Path, damage: str) -> None:
+    summary = copied / "summary.json"
+    facts = json.loads(summary.read_text())
+    del facts["speed"]
+    summary.write_text(json.dumps(facts).removesuffix("}") + f", {damage}}}")
+    for command in (("check", copied), ("diff", copied, finished)):
+        done = call(*command)
+        assert (done.exit_code, done.stderr.count("error: ")) == (2, 1) and "run the pipeline again" in done.stderr
+
+
 def test_a_limit_in_per_cent(finished: Path) -> None:
     assert "(limit 0.05)" in line_of(call("check", finished, "--max", "frf_error=5 %"), "frf_error")
 

@@ -241,7 +241,10 @@ def test_a_page_part_that_cannot_be_drawn_is_left_out(repeated: Path, monkeypatc
     assert len(page) > 1e6 and "the scene on the page was left out" in page
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"pipeline": 3, "overrides": []}', "\x00\xff", "[" * 5000])
+NUL = '{"pipeline": "a\\u0000b", "overrides": []}'
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"pipeline": 3, "overrides": []}', "\x00\xff", "[" * 5000, NUL])
 def test_a_damaged_origin_is_one_message(repeated: Path, finished: Path, text: str) -> None:
     shutil.copy(finished / "out" / "summary.json", repeated / "out")
     (repeated / "out" / "stages" / "origin.json").write_bytes(text.encode("latin-1"))

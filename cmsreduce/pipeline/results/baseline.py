@@ -102,7 +102,7 @@ def open_result(path: Path) -> StoredResult:
         # Summaries of earlier versions have errors only.
         facts["figures"] = _figures(facts)
         whole &= all({"value", "where", "limit"} <= figure.keys() for figure in facts["figures"].values())
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         whole = False
     if not whole:
         raise ReadError(f"{summary}: this is no summary of a run; run the pipeline again")

@@ -61,14 +61,9 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
     try:
         findings, proofs = list(_errors(result)), _proofs(result)
         checks = {name: list(_checks(result, name)) for name in result.names}
+        unlisted = list(_speed((result.summary or {}).get("speed") or {}))
     except (KeyError, TypeError, AttributeError, ValueError):
         raise ReadError(f"{path}: its summary.json is damaged; run the pipeline again, or `cmsreduce report`") from None
-    speed = (result.summary or {}).get("speed") or {}
-    unlisted = [Finding(key, float(value)) for key, value in speed.items() if isinstance(value, (int, float))]
-    for which, cost in (speed.get("simulation") or {}).items():
-        if isinstance(cost, dict):
-            known = {key: cost.get(key) for key in ("operations", "steps_per_second", "seconds")}
-            unlisted += [Finding(f"{which}_{key}", float(value)) for key, value in known.items() if value is not None]
     for name in result.names:
         findings += checks[name]
         unlisted += _sizes(result, name)
@@ -100,6 +95,15 @@ def _refuse_contradiction(path: Path, summary: Mapping[str, Any], verdict: Verdi
     else:
         return
     raise ReadError(f"{path}: summary.json {contradiction}: it was edited; run the pipeline again")
+
+
+def _speed(speed: Mapping[str, Any]) -> Iterator[Finding]:
+    """Times of a run, and the cost of a simulation."""
+    yield from (Finding(key, float(value)) for key, value in speed.items() if isinstance(value, (int, float)))
+    for which, cost in (speed.get("simulation") or {}).items():
+        if isinstance(cost, dict):
+            known = {key: cost.get(key) for key in ("operations", "steps_per_second", "seconds")}
+            yield from (Finding(f"{which}_{key}", float(value)) for key, value in known.items() if value is not None)
 
 
 def write_junit(path: Path, findings: list[Finding], verdict: Verdict, checked: Path) -> None:

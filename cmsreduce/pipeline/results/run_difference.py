@@ -91,7 +91,7 @@ def _figures(path: Path) -> dict[str, Any]:
         for row in facts["configurations"]:
             found |= {f"{row['name']}: {key}": row[key] for key in ("frf_error", "n_reduced")}
         return found | {key: (facts["speed"] or {}).get(key) for key in _SPEED}
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise ReadError(f"{file}: this is no summary of a run; run the pipeline again") from None
 
 

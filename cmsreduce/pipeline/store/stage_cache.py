@@ -130,7 +130,11 @@ def read_origin(folder: Path) -> dict[str, Any]:
         )
     try:
         facts = json.loads(path.read_bytes())
-        whole = isinstance(facts["pipeline"], str) and all(isinstance(each, str) for each in facts["overrides"])
+        whole = (
+            isinstance(facts["pipeline"], str)
+            and "\0" not in facts["pipeline"]
+            and all(isinstance(each, str) for each in facts["overrides"])
+        )
     except (ValueError, KeyError, TypeError, RecursionError):
         whole = False
     if not whole:
