@@ -77,9 +77,7 @@ def test_several_blocks(n, how):
     blocks = [laid(n, width, LAYOUTS[i], i) for i, width in enumerate(widths)]
     V, W = np.hstack(blocks), laid(n, 8, how, 9)
     for few in (4, 5):
-        np.testing.assert_allclose(
-            inner_of_all(blocks[:few], W), np.hstack(blocks[:few]).T @ W, rtol=0, atol=1e-13 * n
-        )
+        np.testing.assert_allclose(inner_of_all(blocks[:few], W), np.hstack(blocks[:few]).T @ W, rtol=0, atol=1e-13 * n)
     c = laid(V.shape[1], 8, "rows", 10)
     for given in (np.array(W, order="C"), np.array(W, order="F")):
         found = less_all(given, blocks, c)
