@@ -8,12 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.ansys import is_row_mapping, read_row_mapping
+from cmsreduce.read.ansys import is_row_mapping, mapping_beside, read_row_mapping
 from cmsreduce.read.calculix_abaqus import dof_list_beside
 from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind, matrix_format, read_rows
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
+from cmsreduce.read.matrices import HARWELL_BOEING
 from cmsreduce.read.nastran import DMIG
 
 __all__ = ["detect_format", "matrix_names", "read_matrix"]
@@ -73,7 +74,7 @@ def read_matrix(
     dofs : Path, optional
         Dof list, one ``node.component`` a row. By default a text of entries takes the ``.dof`` file of its own stem.
         A matrix that carries labels is put in the order of the list. Or a mapping of ANSYS: the node of each block of
-        rows.
+        rows, or that of HBMAT; a matrix of HBMAT with a mapping of its own stem is put in the order of the list.
     rectangular : bool
         Accept a DMIG that is marked rectangular, whose columns are not the dofs of its rows.
 
@@ -108,6 +109,9 @@ def read_matrix(
         return loaded
     mapped = is_row_mapping(list_path)
     table = read_row_mapping(list_path, loaded.A.shape[0]) if mapped else read_rows(list_path)
+    if mapped and chosen is HARWELL_BOEING and (own := mapping_beside(path)) is not None:
+        # HBMAT writes a mapping with each matrix; that of another one may have another order.
+        loaded = loaded.with_dofs(read_row_mapping(own, loaded.A.shape[0]), own)
     return loaded.with_dofs(table, list_path) if loaded.dofs is None else loaded.on(table)
 
 

@@ -17,7 +17,7 @@ from cmsreduce.model import DofTable
 from cmsreduce.read.files import read_head, read_text
 from cmsreduce.read.matrices import MATRIX_MARKET
 
-__all__ = ["is_row_mapping", "read_row_mapping"]
+__all__ = ["is_row_mapping", "mapping_beside", "read_row_mapping"]
 
 # Rows of a node: the plane, translations, or translations and rotations.
 _DOFS_OF_A_NODE = (2, 3, 6)
@@ -36,6 +36,12 @@ def is_row_mapping(path: Path) -> bool:
     first = line.split()
     integers = MATRIX_MARKET.detect(path, head) and first[2:4] == ["array", "integer"]
     return integers and MATRIX_MARKET.read(path)[0].info.cols == 1
+
+
+def mapping_beside(path: Path) -> Path | None:
+    """The mapping file that HBMAT wrote with a matrix: of the same stem in its folder; None if there is none."""
+    beside = path.with_suffix(".mapping")
+    return beside if beside != path and beside.is_file() and is_row_mapping(beside) else None
 
 
 def read_row_mapping(path: Path, rows: int) -> DofTable:

@@ -82,20 +82,41 @@ def harwell_boeing(path: Path, A: sp.csc_array) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
+def hbmat(name: str, A: sp.csc_array, body: FEModel, order: np.ndarray) -> None:
+    """A matrix and its mapping, in an order of their own."""
+    of = body.dofs[order]
+    harwell_boeing(Path(f"{name}.txt"), sp.csc_array(A)[order][:, order])
+    lines = [
+        f"{k + 1:14d}{node:14d}    U{'XYZ'[c - 1]:3}"
+        for k, (node, c) in enumerate(zip(of.node, of.component, strict=False))
+    ]
+    Path(f"{name}.mapping").write_text("\n".join(["    Matrix Eqn          Node    DOF     ", *lines]) + "\n")
+
+
+def test_stiffness_and_mass_of_hbmat_in_different_orders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each matrix has the rows of its own mapping; a mapping of another model is refused."""
+    body = block("part", (0.9, 0.3, 0.2), (3, 2, 1))
+    monkeypatch.chdir(tmp_path)
+    for seed, (name, A) in enumerate((("stiff", body.K), ("mass", body.M))):
+        hbmat(name, A, body, np.random.default_rng(seed).permutation(body.n))
+    found = read_matrix(Path("mass.txt"), dofs=Path("stiff.mapping"))
+    assert found.dofs is not None
+    to = body.dofs.rows(found.dofs.node, found.dofs.component)
+    np.testing.assert_allclose(found.A.toarray(), body.M.toarray()[np.ix_(to, to)], rtol=1e-9, atol=1e-12)
+    mapping = Path("mass.mapping")
+    mapping.write_text(mapping.read_text().replace(f"{body.dofs.node[0]:14d}    UX", f"{999:14d}    UX"))
+    with pytest.raises(ReadError, match=r"1 dofs that the dof list lacks, the first is 999\.1"):
+        read_matrix(Path("mass.txt"), dofs=Path("stiff.mapping"))
+
+
 def test_a_part_runs_as_hbmat_wrote_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Matrices with a mapping file beside each, in an order of their own, and nodes that *VWRITE lists."""
     body = block("part", (0.9, 0.3, 0.2), (3, 2, 1))
     assert body.nodes is not None
     monkeypatch.chdir(tmp_path)
     order = np.random.default_rng(2).permutation(body.n)
-    of = body.dofs[order]
     for name, A in (("stiff", body.K), ("mass", body.M)):
-        harwell_boeing(Path(f"{name}.txt"), sp.csc_array(A)[order][:, order])
-        lines = [
-            f"{k + 1:14d}{node:14d}    U{'XYZ'[c - 1]:3}"
-            for k, (node, c) in enumerate(zip(of.node, of.component, strict=False))
-        ]
-        Path(f"{name}.mapping").write_text("\n".join(["    Matrix Eqn          Node    DOF     ", *lines]) + "\n")
+        hbmat(name, A, body, order)
     nodes = [f"{k:20d}{x:20.8E}{y:20.8E}{z:20.8E}" for k, (x, y, z) in zip(body.nodes.id, body.nodes.xyz, strict=True)]
     Path("Node.txt").write_text("\n".join(nodes) + "\n")
     run("new", "part", "stiff.txt", "mass.txt", "stiff.mapping", "mass.mapping", "Node.txt")
