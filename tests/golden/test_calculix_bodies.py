@@ -33,7 +33,7 @@ from cmsreduce.read import (
     read_body,
     read_geometry,
 )
-from tests.golden.calculix_bodies import BODIES, STEEL, Deck, body, solve, stiffened
+from tests.golden.calculix_bodies import BODIES, STEEL, Deck, arc, body, solve, stiffened
 
 pytestmark = pytest.mark.ccx
 
@@ -276,6 +276,25 @@ def test_hourglass_stiffness_that_resists_rotation_is_named(tmp_path, held):
     (tmp_path / "bar.dof").write_text("\n".join(lines) + "\n")
     with pytest.raises(CmsReduceError, match="rows are shuffled among nodes"):
         read(tmp_path)
+
+
+def bent_out_of_plane(kind: str) -> str:
+    """A shell that is no plane, or a beam along an arc: opposite faces of their solids are not parallel."""
+    if kind.startswith("B"):
+        return Deck().beam(kind, 6, arc).text()
+    deck = Deck().plate(kind, (4, 3), (0, 0, 0), (1, 0, 0), (0, 0.6, 0))
+    deck.nodes = {(layer, x, y, 0.1 * x * y): n for (layer, x, y, _), n in deck.nodes.items()}
+    return deck.text()
+
+
+@pytest.mark.parametrize(("kind", "other"), [("S4R", "S4"), ("S4R", "S8R"), ("B31R", "B32R")])
+def test_hourglass_stiffness_of_shells_and_beams_is_named(tmp_path, kind, other):
+    """CalculiX solves elements of one point as C3D8R. The elements that the message proposes have no such forces."""
+    solve(tmp_path, "bar", bent_out_of_plane(kind), matrices=True)
+    with pytest.raises(CmsReduceError, match=rf"the \d+ {kind} of .* \(CalculiX makes C3D8R of them\).*with .*{other}"):
+        read(tmp_path)
+    solve(tmp_path, "bar", bent_out_of_plane(other), matrices=True)
+    assert prove_row_order(read(tmp_path)).motions == 6
 
 
 POINTS = """\

@@ -24,7 +24,7 @@ __all__ = ["PLANE", "ExpandedElement", "Expansion", "expanded_node", "expansion_
 
 _KNOT = re.compile(r"KNOT was generated in node\s+(\d+)")
 _ELEMENT = re.compile(
-    r'ELEMENT\s+(\d+) with label "([^"]*)" and with nodes:\s+([\d\s]+?)is expanded into a "[^"]*" element with '
+    r'ELEMENT\s+(\d+) with label "([^"]*)" and with nodes:\s+([\d\s]+?)is expanded into a "([^"]*)" element with '
     r"topology:\s+([\d\s]+)"
 )
 # Nodes of the solid element at each node of a beam's two ends, then of its middle.
@@ -46,12 +46,17 @@ SHELL_NODES, BEAM_NODES = 3, 8
 
 @dataclass(frozen=True)
 class ExpandedElement:
-    """A shell or a beam: its label, its nodes, and the nodes that each of them became, in ascending order."""
+    """A shell or a beam: its label, its nodes, and the nodes that each of them became, in ascending order.
+
+    ``solid`` is the label of the solid element that it became, and ``corners`` are the first eight nodes of that.
+    """
 
     number: int
     label: str
     nodes: tuple[int, ...]
     became: tuple[tuple[int, ...], ...]
+    solid: str = ""
+    corners: tuple[int, ...] = ()
 
     @property
     def beam(self) -> bool:
@@ -200,7 +205,7 @@ def expanded_node(path: Path, node: int) -> tuple[int, ...]:
 
 def _expanded(path: Path, match: re.Match[str]) -> ExpandedElement:
     nodes = tuple(map(int, match[3].split()))
-    ids = [number for number in map(int, match[4].split()) if number]
+    ids = [number for number in map(int, match[5].split()) if number]
     label, count = match[2].strip(), len(nodes)
     if label[:1] in "BT":
         places: tuple[tuple[int, ...], ...] = tuple(tuple(at for at in end if at < len(ids)) for end in _BEAM_ENDS)
@@ -216,4 +221,5 @@ def _expanded(path: Path, match: re.Match[str]) -> ExpandedElement:
             f"{path}: element {match[1]} ({label}) with {count} nodes became a solid with {len(ids)}; expected are "
             "shells and beams. Give the .frd file with the expanded mesh"
         )
-    return ExpandedElement(int(match[1]), label, nodes, tuple(tuple(sorted(ids[at] for at in one)) for one in places))
+    became = tuple(tuple(sorted(ids[at] for at in one)) for one in places)
+    return ExpandedElement(int(match[1]), label, nodes, became, match[4].split()[0], tuple(ids[:8]))

@@ -8,6 +8,8 @@ parallel, these vectors see linear motion along x and y, and so rotation.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable, Nodes
 from cmsreduce.read.calculix_abaqus.decks import blocks, deck_sets, element_nodes
+from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
 from cmsreduce.read.isoparametric import SOLIDS, integrals, slope_integrals
 
 __all__ = ["hourglass_forces"]
@@ -23,12 +26,15 @@ __all__ = ["hourglass_forces"]
 Array = NDArray[np.float64]
 
 _KIND, _CORNERS = "C3D8R", 8
+# Start of the name and nodes of elements that may become such solids.
+_EXPANDED = {"S4": 4, "B31": 2}
+_SECTIONS = ("SOLID SECTION", "SHELL SECTION", "BEAM SECTION")
 _CUBE = SOLIDS["C3D8"]
 # Gauss points each way, as for the mean slopes of straight edges.
 _POINTS = 2
 
 
-def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) -> tuple[list[Array], int]:
+def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) -> tuple[list[Array], Mapping[str, int]]:
     """Forces of the hourglass stiffness under some motions, up to the modulus of elasticity of each section.
 
     Parameters
@@ -44,23 +50,28 @@ def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) ->
     -------
     forces : list of (n, m) float64
         One for each section with such elements.
-    count : int
-        Number of these elements.
+    count : mapping of str to int
+        Number of these elements, by label: shells and beams of one point became C3D8R, too.
     """
     try:
         deck = list(blocks(path))
-        sets = deck_sets(deck, {"C3D8": _CORNERS})
+        sets = deck_sets(deck, {"C3D8": _CORNERS, **_EXPANDED})
+        expansion = expansion_beside(path)
     except (ReadError, ValueError):
-        return [], 0
+        return [], {}
     reduced = {
-        number: corners
+        number: (_KIND, corners)
         for block in deck
         if block.keyword == "ELEMENT" and block.option("TYPE") == _KIND
         for number, corners in element_nodes(block, _CORNERS)
     }
-    sections = [block.option("ELSET") for block in deck if block.keyword == "SOLID SECTION"]
-    groups = [[reduced[one] for one in sets.elements.get(name, ()) if one in reduced] for name in sections]
-    return [_of_section(np.array(group), dofs, nodes, shapes) for group in groups if group], len(reduced)
+    for element in expansion.elements if expansion is not None else ():
+        if element.solid == _KIND and sets.topology.get(element.number) == element.nodes:
+            reduced[element.number] = (element.label.split()[0], element.corners)
+    sections = [block.option("ELSET") for block in deck if block.keyword in _SECTIONS]
+    groups = [[reduced[one][1] for one in sets.elements.get(name, ()) if one in reduced] for name in sections]
+    forces = [_of_section(np.array(group), dofs, nodes, shapes) for group in groups if group]
+    return forces, Counter(label for label, _ in reduced.values())
 
 
 def _of_section(corners: NDArray[np.int64], dofs: DofTable, nodes: Nodes, shapes: Array) -> Array:

@@ -20,6 +20,8 @@ from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residua
 __all__ = ["Failure", "hourglass_stiffness", "likely_cause", "mistaken_matrices", "other_order", "shuffled_nodes"]
 
 _NAMED = 5
+# Elements without hourglasses, in place of those of one point.
+_FULL = {"C3D8R": "C3D8I or C3D8", "S4R": "S8R or S4", "B31R": "B32R or B31"}
 # A spring to ground loads only its own node; a mislabelled node also loads all its neighbours.
 _FEW_NODES, _FEW_SHARE = 3, 0.1
 # Coordinates that are wrong by more than this part of the body's size are other coordinates, not rounded ones.
@@ -121,11 +123,13 @@ def hourglass_stiffness(case: Failure) -> str | None:
     left = abs(force - (columns / np.where(size > 0, size, 1.0) @ moduli).reshape(force.shape)).max(axis=1)
     if (left * found.excess[rows] > _MORE_THAN_ROUNDING * abs(force).max(axis=1)).any():
         return None
+    named = " and ".join(f"{number} {label}" for label, number in count.items())
+    others = " and ".join(dict.fromkeys(_FULL.get(label, _FULL["C3D8R"]) for label in count))
+    solids = "" if "C3D8R" in count else " (CalculiX makes C3D8R of them)"
     return (
-        f"elements: the {count} C3D8R of {deck} make these forces, by the stiffness with which CalculiX holds their "
-        "hourglasses. Where opposite faces of such an element are not parallel, it resists rigid rotation, in "
-        "any order of the rows. Write the matrices again with C3D8I or C3D8 in their "
-        "place"
+        f"elements: the {named} of {deck}{solids} make these forces, by the stiffness with which CalculiX holds their "
+        "hourglasses. Where opposite faces of such a solid are not parallel, as in a warped shell, it resists rigid "
+        f"rotation, in any order of the rows. Write the matrices again with {others} in their place"
     )
 
 
