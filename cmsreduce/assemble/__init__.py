@@ -4,7 +4,7 @@ Everything that needs more than one body and no reduction belongs here.
 Errors between two systems belong in `verify`, projection on system modes in `project`.
 """
 
-from cmsreduce.assemble.closed_loops import nearest_closed
+from cmsreduce.assemble.closed_loops import closing_motion, nearest_closed
 from cmsreduce.assemble.held_bodies import HeldBodies, held_bodies
 from cmsreduce.assemble.interface_loading import (
     grounded_rows,
@@ -62,6 +62,7 @@ __all__ = [
     "channel_rows",
     "check_closed_loop",
     "closed_loop_modes",
+    "closing_motion",
     "couple",
     "damped_modes",
     "elastic_states",

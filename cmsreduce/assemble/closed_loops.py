@@ -1,4 +1,4 @@
-"""Closed loops: settings of joints that close them, and the refusal of others."""
+"""Closed loops: settings of joints that close them, the motion of the joint that closes one, refusal of others."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble.joints import COINCIDENT, available, reach
 from cmsreduce.assemble.placement import (
+    Joined,
     carried_axes,
     interface_at,
     joint_axes,
@@ -20,7 +21,7 @@ from cmsreduce.assemble.placement import (
 from cmsreduce.errors import SceneError
 from cmsreduce.model import DOF_NAMES, FIRST_ROTATION, SCALAR, Configuration, Joint, Placement, Scene, Substructure
 
-__all__ = ["check_loops", "nearest_closed"]
+__all__ = ["check_loops", "closing_motion", "nearest_closed"]
 
 Array = NDArray[np.float64]
 Motion = tuple[str, int]
@@ -31,6 +32,8 @@ _STEPS = 30
 _STEP = 1e-6  # of a radian or of the size of the system: of central differences, which then err by 1e-12
 # Singular values below this share of the largest do not steer: a loop at its dead centre, or locked twice.
 _STEERS = 1e-6
+# Angles are given in degrees of eight digits: a smaller motion of a joint that closes a loop is none.
+_NO_MOTION = 1e-7
 
 
 def check_loops(
@@ -73,6 +76,82 @@ def check_loops(
             f"configuration '{configuration.name}': joint '{joint.name}' closes a loop, and the angles of the other "
             f"joints {fault}: {_advice(substructures, scene, configuration)}"
         )
+    for joint in () if held else _closing(scene):
+        _check_given(substructures, scene, configuration, placed, joint)
+
+
+def _check_given(
+    substructures: Mapping[str, Substructure],
+    scene: Scene,
+    configuration: Configuration,
+    placed: Mapping[str, Placement],
+    joint: Joint,
+) -> None:
+    """Refuse a value of a joint that closes a loop, if it is not the one that follows from the other joints."""
+    given = {
+        dof: configuration.angles[joint.name, dof] for dof in range(6) if (joint.name, dof) in configuration.angles
+    }
+    found = closing_motion(substructures, scene, placed, joint)
+    wanted = found.copy()
+    wanted[list(given)] = list(given.values())
+    turn = abs(_rotation(wanted[3:]) - _rotation(found[3:])).max()
+    if max(abs(wanted - found)[:3].max() / reach(substructures), turn) > COINCIDENT:
+        raise SceneError(
+            f"configuration '{configuration.name}': joint '{joint.name}' closes a loop, so that its motion follows "
+            f"from the other joints: {', '.join(_shown(joint.name, dof, found[dof]) for dof in given)}; give "
+            "these values, or take them out"
+        )
+
+
+def closing_motion(bodies: Mapping[str, Joined], scene: Scene, placed: Mapping[str, Placement], joint: Joint) -> Array:
+    """Motion x y z rx ry rz (6,) of the second side of a joint against the first, since the bodies were built.
+
+    Parameters
+    ----------
+    bodies : mapping of name to Joined
+        All bodies.
+    scene : Scene
+        Placements as built.
+    placed : mapping of body to Placement
+        Positions of the bodies.
+    joint : Joint
+        One that closes a loop, so that its motion follows from the other joints. Locked motions are zero.
+    """
+    found, faces = np.zeros(6), [interface_at(bodies, point) for point in (joint.first, joint.second)]
+    if any(face.node.size != 1 or face.components[0] == (SCALAR,) for face in faces):
+        return found
+    axes = joint_axes(bodies, placed, joint)
+    way = axes @ joint_gap(bodies, placed, joint)[0]
+    # Column j: axis j, carried by the second side, along the axes of the first.
+    Q = axes @ carried_axes(bodies, scene, placed, joint).T
+    turning = sorted(dof - FIRST_ROTATION for dof in joint.free if dof >= FIRST_ROTATION)
+    for dof in joint.free:
+        if dof < FIRST_ROTATION:
+            found[dof] = way[dof]
+    if len(turning) == len(Q):
+        # Loaded by few commands.
+        from scipy.spatial.transform import Rotation
+
+        found[3:] = Rotation.from_matrix(Q).as_euler("xyz")
+    elif len(turning) == 2:
+        # A turn about the earlier axis, then one about the later.
+        (first, last), other = turning, 3 - sum(turning)
+        sign = -1.0 if last - first == 1 else 1.0
+        found[3 + first] = sign * np.arctan2(Q[last, other], Q[last, last])
+        found[3 + last] = sign * np.arctan2(Q[other, first], Q[first, first])
+    elif turning:
+        i, j = (turning[0] + 1) % 3, (turning[0] + 2) % 3
+        found[3 + turning[0]] = np.arctan2(Q[j, i], Q[i, i])
+    size = max(float(abs(face.position).max()) for face in faces)
+    found[abs(found) <= _NO_MOTION * np.repeat([size, 1.0], 3)] = 0.0
+    return found
+
+
+def _rotation(angles: Array) -> Array:
+    """Turn about x, then y, then z."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_euler("xyz", angles).as_matrix())
 
 
 def nearest_closed(
@@ -116,7 +195,7 @@ def nearest_closed(
 
     change, left = np.zeros(len(motions)), misfit(np.zeros(len(motions)))
     if abs(left).max(initial=0.0) <= COINCIDENT:
-        return configuration
+        return _with_closing(substructures, scene, configuration)
     if not motions:
         return None
     for _ in range(_STEPS):
@@ -126,7 +205,22 @@ def nearest_closed(
         left = misfit(change)
         if abs(left).max() <= COINCIDENT**2:
             break
-    return at(change) if abs(left).max() <= COINCIDENT else None
+    return _with_closing(substructures, scene, at(change)) if abs(left).max() <= COINCIDENT else None
+
+
+def _with_closing(
+    substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration
+) -> Configuration:
+    """The same configuration; joints that close loops have the motion that follows, where they have one."""
+    closing = {joint.name: joint for joint in _closing(scene)}
+    given = [(name, dof) for name, dof in configuration.angles if name in closing]
+    if not given:
+        return configuration
+    placed = place_bodies(substructures, scene, configuration)
+    motions = {name: closing_motion(substructures, scene, placed, closing[name]) for name, _ in given}
+    return replace(
+        configuration, angles={**configuration.angles, **{(name, dof): motions[name][dof] for name, dof in given}}
+    )
 
 
 def _closing(scene: Scene) -> list[Joint]:
@@ -166,9 +260,13 @@ def _advice(substructures: Mapping[str, Substructure], scene: Scene, configurati
         if closed is None or closed is configuration:
             continue
         shown = [
-            f"{name}.{DOF_NAMES[dof]}: " + (f"{np.degrees(value):.8g} deg" if dof >= FIRST_ROTATION else f"{value:.8g}")
+            _shown(name, dof, value)
             for (name, dof), value in closed.angles.items()
             if (name, dof) in configuration.angles or abs(value) > _STEP
         ]
         return f"they fit at {', '.join(shown)}"
     return "give angles that fit, or free it there"
+
+
+def _shown(name: str, dof: int, value: float) -> str:
+    return f"{name}.{DOF_NAMES[dof]}: " + (f"{np.degrees(value):.8g} deg" if dof >= FIRST_ROTATION else f"{value:.8g}")

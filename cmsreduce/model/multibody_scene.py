@@ -69,7 +69,8 @@ class SceneJoint:
     values : (6,) float64
         Values of its motions x y z rx ry rz in the configuration, in the scene's unit of length and radians. They move
         the outboard body in this order, each along an axis of the first interface as it lies then; so they move the
-        second interface against the first one, or the other way round.
+        second interface against the first one, or the other way round. Of a joint that closes a loop, those of the
+        second interface against the first one that follow from the other joints.
     locked : tuple of (tuple of int)
         Motions 0..5 along the axes that the joint locks, for each pair of nodes: those that the interfaces have.
     arms : (p, 3) float64

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import assemble, frequency_response, place_bodies, system_modes
+from cmsreduce.assemble import assemble, closing_motion, frequency_response, place_bodies, system_modes
 from cmsreduce.assemble.closed_loops import nearest_closed
 from cmsreduce.errors import ConstraintError, SceneError
 from cmsreduce.model import Channel, Configuration, Point, Scene
@@ -179,3 +179,47 @@ def test_between_the_angles_of_a_scene_a_loop_takes_the_nearest_that_close_it():
     assert 0 < max(abs(closed.angles[axis] - angle) for axis, angle in FOUR_BAR.items()) < 0.15
     with pytest.raises(SceneError, match="closes a loop"):
         assemble(subs, *((fit := unequal(FOUR_BAR)[1]), fit.configurations[0]))
+
+
+@pytest.mark.parametrize(
+    "free", ["rx", "ry", "rz", "rx ry", "ry rz", "rx rz", "x y z", "z rz", "x rx rz", "y rx ry rz"]
+)
+@pytest.mark.parametrize("offset", [None, (0.2, -0.1, 0.3)])
+def test_the_motion_of_a_closing_joint_is_that_of_a_joint_beside_it(free: str, offset: tuple[float, ...] | None):
+    """Two joints of the same interfaces: the first one is turned, by up to two thirds of a turn."""
+    at_second = np.zeros(3) if offset is None else np.array(offset)
+    bodies = [
+        rigid_body("one", 1.0, [0, 0, 0], [1, 1, 1], {"a": [0.3, 0.2, 0.1]}),
+        rigid_body("two", 1.0, [0, 0, 0], [1, 1, 1], {"b": np.array([0.3, 0.2, 0.1]) + at_second}),
+    ]
+    pair = tuple(joint(name, "one.a", "two.b", free, offset=offset) for name in ("tree", "closing"))
+    rng = np.random.default_rng(len(free))
+    values = np.zeros(6)
+    for dof in pair[0].free:
+        # A ball is turned about x, y and z in this order; beyond a quarter of a turn about y, others do the same.
+        values[dof] = rng.uniform(-1.5, 1.5) if free.count("r") > 2 else rng.uniform(-2.1, 2.1)
+    angles = {("tree", dof): values[dof] for dof in pair[0].free}
+    where = scene(bodies, pair, configurations=(Configuration("turned", angles),), redundant="drop")
+    subs = substructures(bodies)
+    placed = place_bodies(subs, where, where.configurations[0])
+    np.testing.assert_allclose(closing_motion(subs, where, placed, pair[1]), values, rtol=0, atol=1e-12)
+
+
+def test_an_angle_of_the_closing_joint_that_does_not_follow_is_refused():
+    """Of a four-bar: the angle that follows is accepted, also beside whole turns, and another one is named."""
+    closed = nearest_closed(*(loop := unequal(FOUR_BAR)), loop[1].configurations[0])
+    assert closed is not None
+    subs, where = unequal(closed.angles)
+    (last,) = (each for each in where.joints if each.name == "pin2")
+    follows = closing_motion(subs, where, place_bodies(subs, where, closed), last)[5]
+    # In a plane angles add: bar 3 by its own pin, less bar 2 by two pins.
+    turns = [closed.angles[f"pin{k}", 5] for k in (3, 0, 1)]
+    assert follows == pytest.approx(turns[0] - turns[1] - turns[2], abs=1e-9) and abs(follows) > 0.1
+    for angle in (follows, follows + 2 * np.pi):
+        fit = unequal({**closed.angles, ("pin2", 5): angle})
+        assert assemble(*fit, fit[1].configurations[0]).rigid.shape[1] == 7
+    wrong = unequal({**closed.angles, ("pin2", 5): follows + 0.01})
+    with pytest.raises(SceneError, match=rf"'pin2' closes a loop.* pin2\.rz: {np.degrees(follows):.4f}\d* deg; give"):
+        assemble(*wrong, wrong[1].configurations[0])
+    between = unequal({**FOUR_BAR, ("pin2", 5): -0.3}, between=True)
+    assert assemble(*between, between[1].configurations[0]).rigid.shape[1] == 7

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.assemble import available, joint_arms, joint_tree, motion_axes, place_bodies
+from cmsreduce.assemble import available, closing_motion, joint_arms, joint_tree, motion_axes, place_bodies
 from cmsreduce.config import Pipeline, build_scene, pipeline_from_keys
 from cmsreduce.errors import ReadError, SceneError, not_among
 from cmsreduce.model import (
@@ -176,11 +176,13 @@ def _interfaces(file: ComponentFile) -> dict[str, Interface]:
 def _joints(scene: Scene, configuration: Configuration, bodies: tuple[SceneBody, ...]) -> tuple[SceneJoint, ...]:
     """Joints with their axes on both bodies, and the bodies that they carry."""
     by_name = {body.name: body for body in bodies}
-    placed = {body.name: body.placement for body in bodies}
     _, inboard_of = joint_tree(scene)
     outboard = {joint.name: name for name, joint in inboard_of.items()}
-    found = []
+    found, placed = [], {body.name: body.placement for body in bodies}
     for joint in scene.joints:
+        values = np.array([configuration.angles.get((joint.name, dof), 0.0) for dof in range(6)])
+        if joint.name not in outboard:
+            values = closing_motion(by_name, scene, placed, joint)
         face = by_name[joint.first.body].interfaces[joint.first.name]
         # Both interfaces of a locked motion have it: the run has checked it.
         turning = motion_axes(by_name, scene, placed, joint, FIRST_ROTATION)
@@ -191,7 +193,7 @@ def _joints(scene: Scene, configuration: Configuration, bodies: tuple[SceneBody,
                 joint.at(configuration.parameters),
                 face.frame,
                 turning @ placed[joint.second.body].rotation,
-                np.array([configuration.angles.get((joint.name, dof), 0.0) for dof in range(6)]),
+                values,
                 tuple(tuple(dof for dof in range(6) if can[dof] and dof not in joint.free) for can in moving),
                 joint_arms(by_name, placed, joint),
                 outboard.get(joint.name, ""),

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
+import cmsreduce as cms
 from cmsreduce.assemble import place_bodies
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError
@@ -172,3 +173,41 @@ def _change(path: Path, change: object) -> None:
         text = json.dumps(change(json.loads(file["provenance/settings"][0])))  # type: ignore[operator]
         del file["provenance/settings"]
         file["provenance/settings"] = np.array([text.encode()])
+
+
+LINKAGE = """\
+name: linkage
+output: {output}
+components:
+  frame: {{rigid: {{mass: 1, inertia: [1, 1, 1, 0, 0, 0]}}, interfaces: {{foot: {{position: [0, 0, 0]}},
+    a: {{position: [0, 0, 0]}}, d: {{position: [2, 0, 0]}}}}}}
+  crank: {{rigid: {{mass: 1, inertia: [1, 1, 1, 0, 0, 0]}}, interfaces: {{a: {{position: [0, 0, 0]}},
+    b: {{position: [0, 1, 0]}}}}}}
+  coupler: {{rigid: {{mass: 1, inertia: [1, 1, 1, 0, 0, 0]}}, interfaces: {{b: {{position: [0, 1, 0]}},
+    c: {{position: [2, 1, 0]}}}}}}
+  rocker: {{rigid: {{mass: 1, inertia: [1, 1, 1, 0, 0, 0]}}, interfaces: {{c: {{position: [2, 1, 0]}},
+    d: {{position: [2, 0, 0]}}}}}}
+scene:
+  band: 10 Hz
+  ground: frame.foot
+  redundant: drop
+  joints:
+    one: {{connect: [frame.a, crank.a], free: [rz]}}
+    two: {{connect: [crank.b, coupler.b], free: [rz]}}
+    three: {{connect: [frame.d, rocker.d], free: [rz]}}
+    four: {{connect: [coupler.c, rocker.c], free: [rz]}}
+  articulation: [{{one: 40 deg, two: -40 deg, three: 40 deg}}]
+  actuators: {{motor: {{joint: one, dof: rz}}}}
+  sensors: {{angle: {{joint: four, dof: rz}}}}
+write: {{formats: [hdf5]}}
+"""
+
+
+def test_a_joint_that_closes_a_loop_starts_at_the_angle_that_follows(tmp_path: Path) -> None:
+    """A parallelogram: its coupler does not turn, so that the rocker turns against it as against the frame."""
+    path = tmp_path / "linkage.yaml"
+    path.write_text(LINKAGE.format(output=tmp_path / "out"))
+    cms.run(path)
+    motion = cms.simulate(tmp_path / "out", 1e-3, points=1)
+    assert np.degrees(motion.joints["four.rz"][0]) == pytest.approx(40.0, abs=1e-6)
+    assert np.degrees(motion.sensors["angle"][0]) == pytest.approx(40.0, abs=1e-6)
