@@ -213,6 +213,7 @@ class Folder42:
             "turns": turn_order[: int(turns)],
             "slides": slide_order[: int(slides)],
             "axes": inside @ a.axes,
+            "place": b.origin + b.axes.T @ pins[1],
             "springs": springs,
         }
 

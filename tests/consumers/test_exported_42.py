@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from cmsreduce.errors import WriteError
 from cmsreduce.model import Channel, JointTerm, MultibodyScene, Point, StrutTerm
 from cmsreduce.pipeline.results import multibody_scene
 from cmsreduce.write import export_scene, read_component
-from tests.consumers.exported import ROBOT, assembled, finished, linear, pulse
+from tests.consumers.exported import GIMBAL, ROBOT, assembled, finished, linear, pulse
 from tests.consumers.scene_42 import PROGRAM, Folder42, run, script, simulated
 from tests.pipeline.study import arm, panel, write_body
 from tests.write.targets.test_flex42 import read
@@ -167,6 +169,46 @@ def test_joints_and_thrusters(tree: Path, tmp_path: Path) -> None:
     for key, other in (("motor panel", "motor arm"), ("lead base", "lead copy")):
         np.testing.assert_allclose(loads[key, 1], -loads[other, 1], atol=1e-12)
     assert np.linalg.norm(loads["lead copy", 1][:3]) == pytest.approx(1)
+
+
+def test_a_turned_universal_joint_has_its_axes_and_its_pivot(tmp_path: Path) -> None:
+    """With springs: the later rotation about an axis of the arm, which is first, the earlier about one of the mount.
+
+    The offset is fixed to the arm, so that both turn about the interface of the mount.
+    """
+    write_body(tmp_path, arm())
+    offset = np.array([0.05, 0.1, -0.02])
+    turned = Rotation.from_rotvec(np.deg2rad(35) * np.array([1, 0, 2]) / np.sqrt(5))
+    hinge = np.array([0.1, 0.2, 0.3]) + turned.apply(offset)
+    text = GIMBAL.replace("ENDS", "arm.root, mount.h").replace("EARLIER", "rx").replace("LATER", "rz")
+    text = text.replace("h: {{position: [0.1, 0.2, 0.3]", f"h: {{{{position: {hinge.tolist()}")
+    text = text.replace("free: [rx, rz]", f"offset: {offset.tolist()}\n      free: [rx, rz]")
+    text = re.sub("  ground.*\n|    (one|two|three):.*\n", "", text).replace("  actuators:\n", "")
+    scene = multibody_scene(finished(tmp_path, text))
+    export_scene(scene, "42", tmp_path / "42")
+    joint = next(each for each in in_42(scene, tmp_path / "42").joints if each["name"] == "cross")
+    held, swung = (scene.body(name).placement for name in ("mount", "arm"))
+    frame = scene.body("arm").interfaces["root"].frame
+    np.testing.assert_allclose(joint["place"] + held_at(scene), held.rotation @ hinge + held.translation, atol=1e-12)
+    np.testing.assert_allclose(joint["axes"][2], swung.rotation @ frame[2], atol=1e-12)
+    # As built, the axis of the arm's interface; the mount has not moved since.
+    np.testing.assert_allclose(joint["axes"][0], turned.apply(frame[0]), atol=1e-12)
+    text = text.replace("free: [rx, rz]", "free: [x, rx, rz]")
+    (tmp_path / "slides").mkdir()
+    write_body(tmp_path / "slides", arm())
+    # 42 slides along axes of the inner body alone: the mount is first.
+    text = text.replace("arm.root, mount.h", "mount.h, arm.root")
+    text = text.replace(f"offset: {offset.tolist()}", f"offset: {(-turned.apply(offset)).tolist()}")
+    slides = multibody_scene(finished(tmp_path / "slides", text))
+    with pytest.raises(WriteError, match=r"'cross': it has a spring on one of two rotations, .* one set of axes"):
+        export_scene(slides, "42", tmp_path / "slides" / "42")
+
+
+def held_at(scene: MultibodyScene) -> np.ndarray:
+    """Place of body 0 of 42, the mount, from which `Folder42` measures at the start."""
+    rigid = scene.body("mount").rigid
+    assert rigid is not None
+    return scene.in_scene("mount", rigid.cg)
 
 
 def test_commands_are_those_of_the_first_slew(tree: Path, tmp_path: Path) -> None:

@@ -36,6 +36,8 @@ __all__ = ["spacecraft"]
 
 _SIX = 6
 _MOTIONS = frozenset(range(_SIX))
+# Of direction cosines: axes that were not turned differ by round-off.
+_TURNED = 1e-9
 
 Array = NDArray[np.float64]
 
@@ -201,8 +203,10 @@ def _add_joint(tree: Spacecraft, placed: SceneJoint, near: Point, far: Point) ->
     from scipy.spatial.transform import Rotation
 
     joint, scene = placed.joint, tree.scene
-    (inner, _), (outer, at) = tree.place(near), tree.place(far)
-    first = scene.body(joint.first.body)
+    inner, outer = (tree.place(point)[0] for point in (near, far))
+    # An offset is fixed to the first body.
+    _, at = tree.place(joint.second)
+    first, second = (scene.body(point.body) for point in (joint.first, joint.second))
     inwards = joint.first == near
     # Angles turn about axes of the first interface: those of the carrier one after the other from the outside.
     free = sorted(_MOTIONS - set(placed.locked[0]))
@@ -214,10 +218,15 @@ def _add_joint(tree: Spacecraft, placed: SceneJoint, near: Point, far: Point) ->
             "inner one; name the interface of the inner body first (`connect`)"
         )
     turns = turns[::-1] if inwards and len(turns) < 3 else turns
-    # A spring of 42 is without force where its motion is zero: the motions of a joint with springs start there. So do
-    # those of a ball, which 42 holds as a quaternion.
-    from_zero = len(turns) == 3 or any(element.stiffness for element in joint.elements)
-    values = np.zeros(_SIX) if from_zero else placed.values
+    # A spring of 42 is without force where its motion is zero: rotations with springs start there, and slides with
+    # springs. So do the rotations of a ball, which 42 holds as a quaternion.
+    sprung = [element.dof for element in joint.elements if element.stiffness]
+    turns_from_zero = len(turns) == 3 or any(dof >= FIRST_ROTATION for dof in sprung)
+    values = placed.values.copy()
+    if turns_from_zero:
+        values[FIRST_ROTATION:] = 0.0
+    if any(dof < FIRST_ROTATION for dof in sprung):
+        values[:FIRST_ROTATION] = 0.0
     angles = tuple(float(values[FIRST_ROTATION + axis]) for axis in turns)
     places = tuple(float(values[axis]) for axis in slides)
     turned = np.eye(3)
@@ -225,6 +234,14 @@ def _add_joint(tree: Spacecraft, placed: SceneJoint, near: Point, far: Point) ->
         turned = Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix().T @ turned
     now = placed.first_axes @ first.placement.rotation.T
     inside, outside = (now, turned @ now) if inwards else (turned.T @ now, now)
+    if turns_from_zero:
+        inside = outside = placed.second_axes @ second.placement.rotation.T
+        if abs(inside[list(slides)] - now[list(slides)]).max(initial=0.0) > _TURNED:
+            raise WriteError(
+                f"joint '{joint.name}': it has a spring on one of two rotations, which the configuration turns, and "
+                "slides along another axis; 42 has one set of axes for both. Split the joint in two, or export to "
+                "exudyn"
+            )
     slid = inside.T @ np.array([values[axis] if axis in slides else 0.0 for axis in range(3)])
     parts = tree.parts[inner], tree.parts[outer]
     coefficients = np.zeros((2, _SIX))
