@@ -166,6 +166,15 @@ def test_files_and_time(tmp_path: Path) -> None:
     u = system.u(spinning)
     pairs = zip(system.bodies, system.speeds, strict=True)
     assert min(float(np.linalg.norm(body.gyroscopic @ u[own])) for body, own in pairs) > 0.01
+    # The momentum of each wheel, along its axis that turns with the slope of the node.
+    own = dict(zip((body.name for body in system.bodies), system.bodies, strict=True))
+    modes = run.final["panel"]
+    turns = (modes.body.dofs.node == 4) & (modes.body.dofs.component > 3)
+    slope = np.asarray(modes.Phi)[turns, modes.rigid_count :]
+    q = 1e-3 * np.random.default_rng(3).standard_normal(own["panel"].k)
+    np.testing.assert_allclose(own["panel"].wheels(q), PANEL + np.cross(slope @ q, PANEL), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(own["hub"].wheels(np.zeros(0)), HUB, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(own["arm"].wheels(np.zeros(own["arm"].k)), [0.8 * SHAFT, 0, 0], rtol=0, atol=1e-10)
     # Energy changes by the work of the damping alone, in fast motion too.
     rate, h = system.rate(0.0, spinning), 1e-7
     after, before = (sum(system.energies(spinning + step * rate)) for step in (h, -h))
