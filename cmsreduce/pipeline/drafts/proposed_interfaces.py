@@ -194,7 +194,8 @@ def _shaped(body: FEModel, cells: Mapping[str, Ids]) -> Iterator[Place]:
     for facets in _smooth_faces(surface):
         corners = np.unique(np.concatenate([surface.corners[k] for k in facets]))
         nodes = _tieable(body, corners, _edges([surface.corners[k] for k in facets]), middles)
-        if not 3 <= len(nodes) <= _MOST_NODES:
+        # A face on ties or supports may have rows along one edge alone.
+        if not 3 <= len(nodes) <= _MOST_NODES or in_line(body, nodes):
             continue
         normals = surface.normal[facets]
         if (normals @ normals[0] > _FLAT).all():

@@ -43,6 +43,28 @@ def test_a_set_in_line_is_no_tie() -> None:
     assert "FACE" in names and not {"EDGE", "ELSEWHERE"} & set(names)
 
 
+def test_a_face_with_rows_along_one_edge_is_no_tie() -> None:
+    body = block("body", (0.1, 0.06, 0.1), (2, 1, 1))
+    assert body.nodes is not None
+    x, y, z = body.nodes.xyz.T
+    cells = {"hexahedron": np.array([_corners(body, x0) for x0 in np.unique(x)[:2]])}
+    assert any("at [0.05, 0, 0.05]" in place.words for place in proposed_interfaces(body, cells))
+    for node in body.nodes.id[(y == 0) & (z > 0)].tolist():
+        body = without_rows(body, node, [1, 2, 3])
+    edge = set(body.nodes.id[(y == 0) & (z == 0)].tolist())
+    assert not any(place.tied and set(place.nodes) <= edge for place in proposed_interfaces(body, cells))
+
+
+def _corners(body: FEModel, start: float) -> list[int]:
+    """Nodes of the brick that starts at a place along x, in the order of the cells."""
+    assert body.nodes is not None
+    xs = np.unique(body.nodes.xyz[:, 0])
+    ends = (start, float(xs[np.searchsorted(xs, start) + 1]))
+    ring = [(0.0, 0.0), (0.06, 0.0), (0.06, 0.1), (0.0, 0.1)]
+    found = [np.flatnonzero(np.isclose(body.nodes.xyz, (x, y, z)).all(axis=1))[0] for x in ends for y, z in ring]
+    return [int(body.nodes.id[k]) for k in found]
+
+
 def test_a_twisted_end_is_no_hole() -> None:
     body = block("body", (0.1, 0.06, 0.1), (1, 1, 1))
     xyz = body.nodes.xyz.copy()
