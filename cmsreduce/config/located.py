@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -249,7 +251,9 @@ class _Reader:
         except (ValueError, YAMLError):
             raise ConfigError(f"{where}: key '{path}': '{text}' is not a number") from None
         # No node, count or thread has such a number: where a whole number is expected, it is refused by its key.
-        return float(text) if isinstance(number, int) and abs(number) > _LARGEST_WHOLE else number
+        if isinstance(number, int) and abs(number) > _LARGEST_WHOLE:
+            return float(number) if abs(number) < sys.float_info.max else math.inf
+        return number
 
 
 def plain(entry: Entry) -> object:

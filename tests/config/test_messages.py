@@ -208,6 +208,8 @@ def test_mistake_in_the_file(galileo, edited, old, new, off, words):
             "found the number 1e+20, expected a whole",
         ),
         ("verify.frf.points=9223372036854775808", "expected a whole number"),
+        ("verify.frf.points=0xfffffffffffffffffffffff", "expected a whole number"),
+        ("verify.frf.points=" + "9" * 400, "'verify.frf.points'"),
         ("solver.threads=99999999999", "solver.threads"),
         ("solver.ranks=99999999999", "solver.ranks"),
         ("solver.memory=true", "an amount of memory with its unit is expected"),
