@@ -29,7 +29,15 @@ def same_results(folder: Path, other: Path) -> None:
 
 def test_killed_at_every_file(study: Path, finished_study: Path) -> None:
     """The first run dies at its first file, later ones at the one after, as the file before it is finished by then."""
-    results = ["stages/origin.json", "summary.json", "report.html", "arm.h5", "panel.h5", "system.h5"]
+    results = [
+        "stages/origin.json",
+        "stages/written.json",
+        "summary.json",
+        "report.html",
+        "arm.h5",
+        "panel.h5",
+        "system.h5",
+    ]
     stages = [f"stages/{stage}.h5" for stage in STAGES]
     moments = [1] + [2] * len(stages) + [*range(2, len(results) + 1), 0]
     program = [sys.executable, killed.__file__, str(study), *map(str, moments)]
