@@ -49,7 +49,9 @@ def with_places(K: sp.csc_array, dofs: DofTable, nodes: Nodes) -> tuple[DofTable
     _, first, count = np.unique(dofs.node[scalar], return_index=True, return_counts=True)
     scalar = scalar[np.sort(first[count == 1])]
     scalar = scalar[nodes.index(dofs.node[scalar]) < 0]
-    if not scalar.size or not len(nodes):
+    # A node without a place, and a number that is not finite, are refused with the whole body.
+    placed = (nodes.index(dofs.node[dofs.component != SCALAR]) >= 0).all()
+    if not scalar.size or not len(nodes) or not placed or not np.isfinite(K.data).all():
         return dofs, nodes
     centre = nodes.xyz.mean(axis=0)
     length = float(np.linalg.norm(nodes.xyz - centre, axis=1).max()) or 1.0

@@ -130,3 +130,14 @@ def test_a_point_that_holds_the_body_is_refused(model, tmp_path, case):
         model.K[:-1, k] *= 2
     with pytest.raises(DofMapError, match="900"):
         model.read(tmp_path)
+
+
+def test_a_node_without_a_place_is_named_as_before(model, tmp_path):
+    """The message of the body, not that of the search for points."""
+    model.point(row(model, 2, 1))
+    model.read(tmp_path)
+    deck = tmp_path / "deck.bdf"
+    deck.write_text("\n".join(line for line in deck.read_text().splitlines() if not line.startswith("GRID,4,")))
+    K, M = (MatrixSource(tmp_path / f"{name}.mtx") for name in "KM")
+    with pytest.raises(DofMapError, match="1 nodes have rows in the matrices but no coordinates"):
+        read_body("tank", stiffness=K, mass=M, geometry=deck, rows=tmp_path / "rows.txt")
