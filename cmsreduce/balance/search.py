@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +34,10 @@ _HALVES = 4
 _SECTION = 4
 # Groups of either side that take part in exchanges, the best by their own effect, and exchanges tried at a time.
 _PARTNERS, _TRIALS = 24, 6
-# An exchange is made if it lowers the error by this share, and at most so many are made one after another.
-_GAIN, _EXCHANGES = 1e-3, 24
-# Groups left out to start from.
-_STARTS = 2
+# An exchange is made if it lowers the error by this share, so many at most from each of the groups left out to start.
+_GAIN, _EXCHANGES, _STARTS = 1e-3, 24, 2
+# Of the best sets that are left out together, so many are left out with one group more, so often one after another.
+_WIDTH, _TOGETHER = 12, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,19 +260,23 @@ class _Search:
         return kept
 
     def _descended(self, kept: frozenset[int]) -> frozenset[int] | None:
-        """Find a set of fewer modes that passes: without two groups, or by exchanges from sets without one."""
+        """Find a set of fewer modes that passes: without a few groups, or by exchanges from sets without one."""
         if not kept:
             return None
         effects = self.judge.effects(self.selection(kept), self.groups)
         order = np.argsort(effects.single, kind="stable")
         inside = np.isin(order, list(kept))
         out, into = order[inside][:_PARTNERS].tolist(), order[~inside][:_PARTNERS].tolist()
-        # Two modes may be dispensable together, or beside a third one, that are not so one by one.
-        pairs = self._promising(effects, list(combinations(out, 2)), np.inf, _PARTNERS)
-        threes = [(*pair, k) for _, pair in pairs for k in into if self.sizes[k] < self.sizes[list(pair)].sum()]
-        for error, changed in [*pairs[:_TRIALS], *self._promising(effects, threes, self.limit)]:
-            if error <= _SLACK * self.limit and self._passes(kept ^ set(changed)):
-                return kept ^ set(changed)
+        # Modes may be dispensable together, or beside one that is left out now, that are not so one by one.
+        together: list[tuple[int, ...]] = [(k,) for k in out]
+        for _ in range(_TOGETHER):
+            more = dict.fromkeys(tuple(sorted((*some, k))) for some in together for k in out if k not in some)
+            found = self._promising(effects, list(more), np.inf, _PARTNERS)
+            together = [some for _, some in found[:_WIDTH]]
+            beside = [(*some, k) for _, some in found for k in into if self.sizes[k] < self.sizes[list(some)].sum()]
+            for error, changed in [*found[:_TRIALS], *self._promising(effects, beside, self.limit)]:
+                if error <= _SLACK * self.limit and self._passes(kept ^ set(changed)):
+                    return kept ^ set(changed)
         for k in out[:_STARTS]:
             now: frozenset[int] | None = kept - {k}
             for _ in range(_EXCHANGES):

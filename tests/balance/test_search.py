@@ -117,6 +117,21 @@ def test_never_more_than_any_ranking_cut_off_and_as_few_as_there_can_be():
         assert found.modes == fewest
 
 
+@pytest.mark.parametrize("size", [2, 3])
+def test_modes_that_cancel_together_are_left_out_together(size: int) -> None:
+    """Any part of a group is missed far beyond the limit, the whole group is not; against every set there is."""
+    rng = np.random.default_rng(size)
+    for _ in range(8):
+        terms = rng.standard_normal((10, 4))
+        for last in range(size - 1, 10, size):
+            terms[last] = 0.01 * rng.standard_normal(4) - terms[last - size + 1 : last].sum(axis=0)
+        sigma, every = np.linalg.norm(terms, axis=1), (np.arange(2**10)[:, None] >> np.arange(10)) & 1
+        passes = np.linalg.norm((1 - every) @ terms, axis=1) <= 0.3
+        body = {"bar": component("bar", 0, sigma.tolist())}
+        judge = Vectors({("bar", k): term for k, term in enumerate(terms)})
+        assert keep_error(body, ranked(body), judge, 0.3).modes == every[passes].sum(axis=1).min()
+
+
 def test_how_far_rankings_get_by_themselves_is_told():
     judge = apart(COSTS)
     costs = {name: np.full(c.omega.size, np.nan) for name, c in BODIES.items()}
