@@ -161,6 +161,8 @@ def read_body(
                     dofs = table
                     break
     body = build(dofs, interfaces or {})
+    if shape is not None and (followers := shape.sets.get("m")) is not None:
+        _check_rigid_elements_act(body, followers, matrices["stiffness"], shape)
     try:
         return prove_row_order(body).estimated(body)
     except DofMapError as error:
@@ -205,6 +207,22 @@ def _constrained(dofs: DofTable, geometry: Geometry | None) -> DofTable | None:
     table = geometry.constrained
     without_row = dofs.rows(table.node, table.component) < 0
     return table[without_row] if without_row.any() else None
+
+
+def _check_rigid_elements_act(
+    body: FEModel, followers: DofTable, stiffness: LabelledMatrix, geometry: Geometry
+) -> None:
+    """Refuse matrices from before the rigid elements and MPCs of the deck: its dependent dofs have stiffness there."""
+    rows = body.dofs.rows(followers.node, followers.component)
+    free = rows[rows >= 0]
+    free = free[body.K.diagonal()[free] != 0]
+    if free.size:
+        raise DofMapError(
+            f"body '{body.name}': stiffness '{stiffness.name}' of {stiffness.path} has rows of {free.size} dofs that "
+            f"rigid elements or MPCs of {geometry.path} make dependent, the first is {body.dofs.labels[int(free[0])]}: "
+            "these do not act in it yet. Give the matrices of the set n, f or a of the same run (KNN, KFF, KAA). If "
+            "the matrices hold them as stiff springs, take them out of the deck"
+        )
 
 
 def _sources(

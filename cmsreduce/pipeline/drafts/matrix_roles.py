@@ -156,12 +156,10 @@ def stiffness_and_mass(
     ReadError
         If a matrix is missing, or no matrix is clearly one of the two.
     """
-    sizes = [len(table) for table in geometry.rows.values()] if geometry is not None else []
-    fitting = [
-        one for one in every if geometry is None or one.matrix.dofs is not None or one.matrix.A.shape[0] in sizes
-    ]
-    # Files that fit no deck are compared all the same: the draft says that they do not fit.
-    candidates = fitting or list(every)
+    # Rigid elements do not act yet in matrices of sets that hold dependent dofs. Files that fit no deck are compared
+    # all the same: the draft says that they do not fit.
+    fitting = (_fitting(every, geometry, dependent) for dependent in (False, True))
+    candidates = next(filter(None, fitting), list(every))
     stiff = [one for one in candidates if one.quiet >= QUIET]
     heavy = [one for one in candidates if one.quiet <= LOUD and one.massive]
     held = ", ".join(one.words for one in every)
@@ -195,6 +193,20 @@ def stiffness_and_mass(
         )
     shape = None if geometry is None else geometry.path
     return BodyDraft(name, K.source, M.source, shape, notes=notes, damping=_damping(K, every))
+
+
+def _fitting(every: Sequence[Candidate], geometry: Geometry | None, dependent: bool) -> list[Candidate]:
+    """Matrices that have the rows of a set of the deck; of sets with dependent dofs only if these may be there."""
+    if geometry is None:
+        return list(every)
+    m = geometry.sets.get("m")
+    tables = [
+        table
+        for table in geometry.rows.values()
+        if dependent or m is None or (table.rows(m.node, m.component) < 0).all()
+    ]
+    sizes = {len(table) for table in tables}
+    return [one for one in every if one.matrix.dofs is not None or one.matrix.A.shape[0] in sizes]
 
 
 def _damping(K: Candidate, every: Sequence[Candidate]) -> tuple[Path, str] | None:
