@@ -37,7 +37,7 @@ _PARTNERS, _TRIALS = 24, 6
 # An exchange is made if it lowers the error by this share, so many at most from each of the groups left out to start.
 _GAIN, _EXCHANGES, _STARTS = 1e-3, 24, 2
 # Of the best sets that are left out together, so many are left out with one group more, so often one after another.
-_WIDTH, _TOGETHER = 12, 4
+_WIDTH, _TOGETHER = 12, 2
 
 
 @dataclass(frozen=True, eq=False)
