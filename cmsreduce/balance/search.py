@@ -34,9 +34,9 @@ _HALVES = 4
 _SECTION = 4
 # Groups of either side that take part in exchanges, the best by their own effect, and exchanges tried at a time.
 _PARTNERS, _TRIALS = 24, 6
-# An exchange is made if it lowers the error by this share, so many at most from each of the groups left out to start.
+# Least share by which an exchange lowers the error; exchanges one after another; sets without one group to start from.
 _GAIN, _EXCHANGES, _STARTS = 1e-3, 24, 2
-# Of the best sets that are left out together, so many are left out with one group more, so often one after another.
+# Groups left out together: the best so many sets grow by one group, so many times; four times take twice as long.
 _WIDTH, _TOGETHER = 12, 2
 
 

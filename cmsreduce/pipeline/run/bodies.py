@@ -17,7 +17,7 @@ from cmsreduce.pipeline.choose import CutoffSearch, ModeSets, asked_error, cutof
 from cmsreduce.pipeline.project import SceneBasis, SceneShapes
 from cmsreduce.pipeline.run.keys import read_key, reference_key
 from cmsreduce.pipeline.run.reading import HELD, ReadStages
-from cmsreduce.pipeline.store import decode, once, stage, stage_key
+from cmsreduce.pipeline.store import once, stage, stage_key
 from cmsreduce.pipeline.system import AssembledModel, ReducedModel, UnitLoads, unit_loads
 from cmsreduce.reduce import Examined
 
@@ -139,8 +139,9 @@ class BodyStages(ReadStages):
         if found is None:
             found = sets.examine(name, cutoff_hz, other, free=self._free_modes(name, other))
         remark = self._scene_shapes.note(name) if other is None and name in sets.of_responses else ""
-        before = self.stages.store.facts("reduce", self._reduction_label(name, other), sets.reduce_key(name, other))
-        known = {} if before is None else decode({}, before["value"]["fields"]["missed"], {})
+        # Loads that an earlier run tested are known still.
+        stored = "reduce", self._reduction_label(name, other), sets.reduce_key(name, other)
+        known = self.stages.recall(*stored, "missed", counted=False) or {}
         return _Reduced(found.component, known | sets.missed(name, found, other), remark)
 
     def reduced(self, name: str, other: ModeSetKeys | None = None) -> ReducedComponent:

@@ -138,12 +138,12 @@ class Stages:
             raise MatrixError(f"{stage} of '{what}': {error}") from error
         self._count(stage, what, time.perf_counter() - started, settings.work)
 
-    def recall(self, stage: str, what: str, key: str, field: str) -> Any:
-        """Read one field of a finished stage without its arrays, and count the time that the stage took."""
+    def recall(self, stage: str, what: str, key: str, field: str, *, counted: bool = True) -> Any:
+        """Read one field of a finished stage without its arrays, and count the time that the stage took if asked."""
         facts = self.store.facts(stage, what, key)
         if facts is None:
             return None
-        if stage not in self.seconds.get(what, {}):
+        if counted and stage not in self.seconds.get(what, {}):
             self._count_stored(stage, what, facts)
         return decode({}, facts["value"]["fields"][field], {})
 
