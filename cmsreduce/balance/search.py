@@ -1,10 +1,9 @@
 """Search for the fewest modes that meet an error: ranked lists first, then modes to leave out and to exchange.
 
-The error without several modes is not the sum of the errors without each: two modes may replace one another. A trial of
-every set takes far too long. Once no mode can be left out, the search leaves one out all the same, and exchanges modes,
-one against another, as long as the error falls: the set of fewer modes that it looks for may be several exchanges away.
-Errors after an exchange are predicted at a few frequencies, and measured where they are predicted to be small. Only
-sets whose true error meets the limit are kept. The search has no random part.
+The error without several modes is not the sum of the errors without each: two modes may replace one another. Once no
+mode can be left out, the search leaves one out all the same, and exchanges modes, one against another, as long as the
+error falls. Errors after an exchange are predicted at a few frequencies, and measured where they are predicted to be
+small. Only sets whose true error meets the limit are kept. The search has no random part.
 """
 
 from __future__ import annotations
@@ -38,6 +37,8 @@ _PARTNERS, _TRIALS = 24, 6
 _GAIN, _EXCHANGES, _STARTS = 1e-3, 24, 2
 # Groups left out together: the best so many sets grow by one group, so many times; four times take twice as long.
 _WIDTH, _TOGETHER = 12, 2
+# In the samples exchanges leave out 4 % of a pruned set at most.
+_HOPELESS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,7 @@ def keep_error(
     judge: Judge,
     limit: float,
     among: Selection | None = None,
+    below: int | None = None,
 ) -> Found:
     """Search for the fewest modes with which the measure of the assembled system meets a limit.
 
@@ -91,13 +93,15 @@ def keep_error(
         Largest measure.
     among : Selection, optional
         Modes to choose among; all by default.
+    below : int, optional
+        Only fewer modes than this are of use: no exchanges follow where they would have to leave out half of them.
 
     Raises
     ------
     ConfigError
         If all modes together do not meet the limit.
     """
-    return _Search(components, judge, limit, among).run(rankings)
+    return _Search(components, judge, limit, among).run(rankings, below)
 
 
 def keep_cheapest(
@@ -162,7 +166,7 @@ class _Search:
         self.errors: dict[frozenset[int], float] = {}
         self.limits: dict[frozenset[int], float] = {}
 
-    def run(self, rankings: Mapping[str, Mapping[str, Array]]) -> Found:
+    def run(self, rankings: Mapping[str, Mapping[str, Array]], below: int | None = None) -> Found:
         everything = frozenset(range(len(self.groups)))
         if self._error(everything, np.inf) > self.limit:
             finding, modes = self.judge.critical(self.selection(everything)), int(self.sizes.sum())
@@ -175,11 +179,13 @@ class _Search:
                 if first is not None:
                     truncated[name] = min(self.modes(first), truncated.get(name, self.modes(first)))
                     best = min(best, first, key=self.modes)
-        kept = self._settled(self._pruned(best))
+        kept = self._pruned(best)
         # Starting from all modes often gives the same; exchanges follow only where it gives fewer.
         other = self._pruned(everything)
-        if self.modes(other) < self.modes(kept):
-            kept = self._settled(other)
+        if below is None or min(self.modes(kept), self.modes(other)) < _HOPELESS * below:
+            kept = self._settled(kept)
+            if self.modes(other) < self.modes(kept):
+                kept = self._settled(other)
         nearest = self._nearest(kept)
         return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), nearest, truncated)
 
@@ -205,8 +211,7 @@ class _Search:
 
     def _error(self, kept: frozenset[int], limit: float) -> float:
         # An error above the limit of its measurement is a lower bound, which decides at lower limits only.
-        known = kept in self.errors and not limit >= self.errors[kept] > self.limits[kept]
-        if not known:
+        if kept not in self.errors or limit >= self.errors[kept] > self.limits[kept]:
             self.errors[kept], self.limits[kept] = self.judge.error(self.selection(kept), limit), limit
         return self.errors[kept]
 
@@ -216,11 +221,9 @@ class _Search:
     def _orders(self, coefficients: Mapping[str, Array]) -> Iterator[Order]:
         """Groups of all bodies in one list, by their coefficients and by the share of the body's largest."""
         value = np.array([coefficients[name][columns].max() for name, columns in self.groups])
-        largest = {
-            name: max((v for v, (owner, _) in zip(value, self.groups, strict=True) if owner == name), default=0.0)
-            for name in self.names
-        }
-        share = value / [largest[name] or 1.0 for name, _ in self.groups]
+        owner = np.array([self.names.index(name) for name, _ in self.groups])
+        largest = np.array([value[owner == k].max(initial=0.0) for k in range(len(self.names))])
+        share = value / np.where(largest > 0, largest, 1.0)[owner]
         yield np.argsort(-value, kind="stable").tolist()
         if len(self.names) > 1:
             yield np.argsort(-share, kind="stable").tolist()
@@ -304,8 +307,7 @@ class _Search:
         sets = [(a, b) for a in out for b in into if self.sizes[b] - self.sizes[a] <= left]
         effects = self.judge.effects(self.selection(kept), self.groups)
         # The set breaks the limit: a few frequencies tell by how much.
-        present = float(effects.predicted(np.empty((1, 0), dtype=np.int64))[0])
-        limit = (1 - _GAIN) * present
+        limit = (1 - _GAIN) * float(effects.predicted(np.empty((1, 0), dtype=np.int64))[0])
         for _, pair in self._promising(effects, sets, limit):
             other = kept ^ set(pair)
             if self._error(other, limit) <= limit:
@@ -323,12 +325,10 @@ def _unreachable(finding: Finding, modes: int, *, all_of_them: bool, of_response
         )
     which, step = "below the cutoff", "Raise reduce.cutoff, or allow a larger error"
     if of_responses:
-        which, step = (
-            "and shapes",
-            (
-                "Scene shapes are made for `frf_error`: state a smaller limit of it, which they are made for then, or "
-                "take `reduce: {method: macneal-rubin}`"
-            ),
+        which = "and shapes"
+        step = (
+            "Scene shapes are made for `frf_error`: state a smaller limit of it, which they are made for then, or take "
+            "`reduce: {method: macneal-rubin}`"
         )
     if not all_of_them:
         which, step = "that other limits allow", "Allow a higher highest_frequency, or a larger error"

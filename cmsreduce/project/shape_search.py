@@ -91,19 +91,22 @@ class ShapeSearch:
         shapes = self._less(self._fitted(more, _MOST_STEPS).shapes, total, {}, mended=True)
         return min(found, self._from_best([shapes]), key=lambda each: each.judged.worst)
 
-    def smallest(self, modes: Callable[[], Mapping[str, NDArray[np.int64]] | None] = lambda: None) -> Settled:
+    def smallest(
+        self, modes: Callable[[int | None], Mapping[str, NDArray[np.int64]] | None] = lambda below: None
+    ) -> Settled:
         """Search for the fewest shapes that pass; where none do, the last set is all modes.
 
         Parameters
         ----------
         modes : callable
-            Gives numbers of modes of each body that are known to pass, if any: the shapes are never more.
+            Gives numbers of modes of each body that are known to pass, if there may be fewer of them than a number: the
+            shapes are never more.
         """
         every = {name: np.arange(body.count) for name, body in self.scene.bodies.items()}
         if (all_modes := self.settled(self.directions.modes(every), 0)).judged.worst > _HOPELESS:
             return all_modes
         best = self._passing(self.given(self.directions.counts()))
-        known = modes()
+        known = modes(best.count if best.passes else None)
         if known is not None and (not best.passes or sum(own.size for own in known.values()) < best.count):
             other = self._fewer(self.settled(self.directions.modes(known), _ROUNDS))
             best = other if other.passes else best

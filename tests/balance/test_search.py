@@ -132,6 +132,21 @@ def test_modes_that_cancel_together_are_left_out_together(size: int) -> None:
         assert keep_error(body, ranked(body), judge, 0.3).modes == every[passes].sum(axis=1).min()
 
 
+def test_exchanges_follow_only_where_so_few_modes_are_of_use_that_they_may_reach_them():
+    """Pruning leaves three modes of six; two of these cancel, and leave one."""
+    terms = np.array([[1.0, 0.0], [-1.0, 0.02], [0.0, 1.0], [0.0, 0.4], [0.0, -0.4], [0.2, 0.0]])
+    body = {"bar": component("bar", 0, np.linalg.norm(terms, axis=1).tolist())}
+
+    def found(below: int | None):
+        return keep_error(
+            body, ranked(body), Vectors({("bar", k): term for k, term in enumerate(terms)}), 0.21, below=below
+        )
+
+    fewest, again, hopeless = found(None), found(3), found(1)
+    assert (fewest.modes, again.modes) == (1, 1)
+    assert hopeless.modes == 3 and hopeless.tried < fewest.tried and hopeless.error <= 0.21
+
+
 def test_how_far_rankings_get_by_themselves_is_told():
     judge = apart(COSTS)
     costs = {name: np.full(c.omega.size, np.nan) for name, c in BODIES.items()}

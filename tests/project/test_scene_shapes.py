@@ -171,7 +171,7 @@ def test_shapes_are_never_more_than_the_modes_that_are_known_to_pass(monkeypatch
         if error(np.eye(10)[:, list(chosen)]) <= 0.02
     )
     search = ShapeSearch(scene, ResponseLimits(0.02, np.inf), judged_by(error))
-    alone, found = search.smallest(), search.smallest(lambda: {"b": np.array(passing)})
+    alone, found = search.smallest(), search.smallest(lambda below: {"b": np.array(passing)})
     assert found.passes and found.count <= len(passing) < alone.count
 
 

@@ -90,10 +90,11 @@ class Balancing:
         chosen = chosen.joined(self._select(rest, self.pipeline.balance, chosen.selection))
         return replace(chosen, selection={name: chosen.selection[name] for name in self.ranked})
 
-    def fewest(self, components: Components) -> Selection | None:
+    def fewest(self, components: Components, below: int | None) -> Selection | None:
         """The fewest of some candidates that meet all limits, as ``keep: limits`` finds them; None where none do.
 
-        None, too, where the pipeline states no limits.
+        None, too, where the pipeline states no limits. Of use is only a set of fewer than ``below`` modes, as in
+        `keep_error`.
         """
         if not self._measure.limits:
             return None
@@ -103,7 +104,7 @@ class Balancing:
         keys = RankingKeys(rank=stated.rank, scaling=stated.scaling, keep="limits")
         try:
             alone = {name: self._rank_alone(each, keys, components) for name, each in components.items()}
-            return self._select(self._in_the_system(alone, dict.fromkeys(components, keys)), keys, {}).selection
+            return self._select(self._in_the_system(alone, dict.fromkeys(components, keys)), keys, {}, below).selection
         except (ConfigError, DampingError, MatrixError):
             return None
 
@@ -216,7 +217,9 @@ class Balancing:
             return with_closed_loop(components, model, self._measure.controller, scaling)
         return with_system_cost(components, model, scaling)
 
-    def _select(self, found: Components, keys: RankingKeys | None, fixed: Selection) -> Choice:
+    def _select(
+        self, found: Components, keys: RankingKeys | None, fixed: Selection, below: int | None = None
+    ) -> Choice:
         keys = keys or RankingKeys()
         channels: dict[str, ModalChannels] = {}
         if keys.keep.rule == "bound":
@@ -232,7 +235,8 @@ class Balancing:
         system = partial(system_errors, measure, limits, every, list(found), self._model, between=error is None)
         cost = measure.keys.cost
         price = selection_cost(every, self._model, cost.integrator, cost.accuracy)
-        return select(found, keys, channels, system if self.scene.actuators and self.scene.sensors else None, price)
+        system_of = system if self.scene.actuators and self.scene.sensors else None
+        return select(found, keys, channels, system_of, price, below)
 
 
 def _reason(body: str, keys: RankingKeys | None) -> str:

@@ -108,6 +108,7 @@ def select(
     channels: Mapping[str, ModalChannels],
     system: Callable[[], tuple[Candidates, Callable[[Selection], Measured]]] | None = None,
     price: Callable[[Selection], float] | None = None,
+    below: int | None = None,
 ) -> Choice:
     """Apply a keep rule to ranked bodies.
 
@@ -123,6 +124,8 @@ def select(
         Gives the two measures of selections that `system_errors` makes, for limits on the system.
     price : callable, optional
         Cost of a simulation with a selection, for a search that minimises it.
+    below : int, optional
+        As in `keep_error`.
 
     Raises
     ------
@@ -154,7 +157,7 @@ def select(
             f"balance.keep.{keep.rule} needs a response to measure: name at least one actuator and one sensor in the "
             "scene"
         )
-    return _searched(components, keys.rank, system, price if keep.minimise == "cost" else None)
+    return _searched(components, keys.rank, system, price if keep.minimise == "cost" else None, below)
 
 
 def _searched(
@@ -162,6 +165,7 @@ def _searched(
     rank: str,
     system: Callable[[], tuple[Candidates, Callable[[Selection], Measured]]],
     price: Callable[[Selection], float] | None,
+    below: int | None,
 ) -> Choice:
     started = time.perf_counter()
     judge, exact = system()
@@ -174,7 +178,7 @@ def _searched(
     among, attempts = judge.below_highest(), 0
     while True:
         if price is None:
-            found = keep_error(components, rankings, judge, 1.0, among)
+            found = keep_error(components, rankings, judge, 1.0, among, below)
         else:
             found = keep_cheapest(components, rankings, judge, 1.0, price, among)
         tried, attempts = tried + found.tried, attempts + 1

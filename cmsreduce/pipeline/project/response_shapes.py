@@ -80,8 +80,8 @@ class ResponseShapes:
     measured : callable
         Finding of reduced bodies with the largest ratio to its limit, by every limit, in the scene's configurations.
     fewest : callable
-        Fewest modes of ``kept`` that a search finds within the limits in the scene's configurations; None where these
-        are all of them.
+        Fewest modes of ``kept`` that a search finds within the limits in the scene's configurations, if these may be
+        fewer than a number; None where there are none.
     direct : callable
         Solves the unreduced bodies at a few frequencies.
     reference : mapping of body to str
@@ -100,7 +100,7 @@ class ResponseShapes:
         comparison: Comparison,
         joined: Callable[[Mapping[str, ModalComponent]], ReducedModel],
         measured: Callable[[Mapping[str, ModalComponent]], Finding | None],
-        fewest: Callable[[], Selection | None],
+        fewest: Callable[[int | None], Selection | None],
         direct: DirectSolve,
         reference: Mapping[str, str],
         advance: Callable[[int, int], None],
@@ -176,9 +176,9 @@ class ResponseShapes:
         )
         return Projected(components, record, tuple(self._notes(found, between, certificate)))
 
-    def _modes(self) -> dict[str, NDArray[np.int64]] | None:
-        """The fewest modes, by their numbers among the elastic candidates."""
-        found = None if self.keys.of == "full" else self._fewest()
+    def _modes(self, below: int | None) -> dict[str, NDArray[np.int64]] | None:
+        """The fewest modes, by their numbers among the elastic candidates, if these may be fewer than a number."""
+        found = None if self.keys.of == "full" else self._fewest(below)
         return (
             None
             if found is None

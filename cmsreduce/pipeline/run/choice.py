@@ -212,7 +212,7 @@ class ChoiceStages(BodyStages):
             self.comparison,
             self.joined,
             measured,
-            lambda: self.balancing.fewest(self.kept),
+            lambda below: self.balancing.fewest(self.kept, below),
             self._solved_directly,
             {name: "sparse dofs" if modes is None else "modes" for name, modes in self._solvable.items()},
             self.stages.progress.advance,
