@@ -12,6 +12,7 @@ from cmsreduce.write.component.flexible_body import (
     FrameStiffening,
     flexible_body,
     frame_stiffening,
+    refuse_long_ids,
     require_mass,
 )
 from cmsreduce.write.component.integrals import stored_integrals
@@ -28,6 +29,7 @@ __all__ = [
     "frame_stiffening",
     "in_frame",
     "read_component",
+    "refuse_long_ids",
     "require_mass",
     "stored_integrals",
     "with_unit_modal_mass",

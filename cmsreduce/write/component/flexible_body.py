@@ -13,13 +13,22 @@ from cmsreduce.model import INERTIA_LOADS, SQUARES, UNDETERMINED, ModalIntegrals
 from cmsreduce.write.component.component_file import ComponentFile
 from cmsreduce.write.component.integrals import stored_stiffening
 
-__all__ = ["FlexibleBody", "FrameStiffening", "SAME_MASS", "flexible_body", "frame_stiffening", "require_mass"]
+__all__ = [
+    "FlexibleBody",
+    "FrameStiffening",
+    "SAME_MASS",
+    "flexible_body",
+    "frame_stiffening",
+    "refuse_long_ids",
+    "require_mass",
+]
 
 SAME_MASS = 1e-9
 """Relative to the largest modal mass. Integrals over the same mass differ from it by round-off of sums over all nodes,
 integrals over another mass by per cents (theory section 8)."""
 # Relative to a unit length and a direction: two equal frames differ by round-off of their axes.
 _SAME_FRAME = 1e-12
+_LARGEST_ID = 2**31 - 1
 # Rigid motions of a floating frame.
 _SIX = 6
 _PAIRS = tuple(("xyz".index(axes[0]), "xyz".index(axes[1])) for axes in SQUARES)
@@ -192,6 +201,21 @@ def require_mass(body: FlexibleBody, because: str) -> None:
         raise WriteError(
             f"component '{body.name}': {body.static_count} static modes have no mass, and {because}; leave "
             "`residuals` out of `reduce`, or give their nodes some inertia"
+        )
+
+
+def refuse_long_ids(component: ComponentFile, nodes: NDArray[np.int64], program: str) -> None:
+    """Refuse nodes whose numbers are too large for a program that counts in 32 bits.
+
+    Raises
+    ------
+    WriteError
+        If there are any.
+    """
+    if nodes.max(initial=0) > _LARGEST_ID:
+        raise WriteError(
+            f"component '{component.name}': {program} has no node numbers above {_LARGEST_ID}, and this body has node "
+            f"{nodes.max()}; number its nodes lower"
         )
 
 

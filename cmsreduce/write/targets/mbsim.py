@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cmsreduce.model import ModalIntegrals
-from cmsreduce.write.component import ComponentFile, flexible_body, require_mass
+from cmsreduce.write.component import ComponentFile, flexible_body, refuse_long_ids, require_mass
 from cmsreduce.write.files import hdf5_file
 
 __all__ = ["write_mbsim"]
@@ -32,10 +32,12 @@ def write_mbsim(path: Path, component: ComponentFile, integrals: ModalIntegrals)
     Raises
     ------
     WriteError
-        If the component file lacks data, a mode has no mass, or the file cannot be written.
+        If the component file lacks data, a mode has no mass, a node's number has more than 31 bits, or the file cannot
+        be written.
     """
     body = flexible_body(component, integrals)
     require_mass(body, "MBSim solves with the modal mass")
+    refuse_long_ids(component, body.node, "MBSim")
     n, k = body.node.size, body.k
     with hdf5_file(path) as file:
         for name, values in {

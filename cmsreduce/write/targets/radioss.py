@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.write.component import ComponentFile
+from cmsreduce.write.component import ComponentFile, refuse_long_ids
 from cmsreduce.write.files import put_lines
 from cmsreduce.write.targets.nastran import entries
 from cmsreduce.write.targets.superelement import Superelement, framed_superelement
@@ -16,12 +17,16 @@ from cmsreduce.write.targets.superelement import Superelement, framed_supereleme
 __all__ = ["left_out", "write_radioss"]
 
 _SIX = 6
+_THREE = 3
+# Distance from their line, relative to the distance along it: coordinates of decks have seven digits or more.
+_IN_LINE = 1e-6
 
 
 def write_radioss(path: Path, component: ComponentFile) -> None:
     """Write the matrices KAAX and MAAX of the interface nodes, condensed statically, as DMIG cards in SI.
 
-    Rows are along the basic axes. Radioss makes one static mode for each of these dofs and knows no others.
+    Rows are along the basic axes. Radioss makes one static mode for each of these dofs and knows no others. It takes
+    every such body for a free one, whose turns it finds from three nodes.
 
     Parameters
     ----------
@@ -33,17 +38,34 @@ def write_radioss(path: Path, component: ComponentFile) -> None:
     Raises
     ------
     WriteError
-        If an interface node has fewer than six dofs, the interface cannot strain the body, damping is a complex
-        stiffness, or the file cannot be written.
+        If the body is not free in all six directions, an interface node has fewer than six dofs, the interface has not
+        three nodes that are out of line, a node's number has more than 31 bits, damping is a complex stiffness, or the
+        file cannot be written.
     """
-    body = framed_superelement(component)
-    i = len(body.interface)
-    if i <= component.rigid_count:
+    # Radioss projects what holds the body away, with the rigid motions (IBLO = 0 for any .pch file).
+    if component.rigid_count != _SIX:
         raise WriteError(
-            f"component '{component.name}': its {i // _SIX} interface node moves it rigidly, and Radioss makes modes "
-            "of interface nodes alone; give the body a second interface, at a node that shows how it bends"
+            f"component '{component.name}': Radioss reads a .pch file as a free body, and this one has "
+            f"{component.rigid_count} of the six motions without strain, so that its supports would be lost; reduce it "
+            "without supports, and hold its interface nodes in the model (/BCS)"
         )
+    body = framed_superelement(component)
+    nodes = body.interface.node[::_SIX]
+    refuse_long_ids(component, nodes, "Radioss")
+    _require_three_nodes(component, nodes)
     put_lines(path, _lines(component, body))
+
+
+def _require_three_nodes(component: ComponentFile, nodes: NDArray[np.int64]) -> None:
+    """Refuse nodes in one line: Radioss describes the turned body by the places of its nodes."""
+    places = component.arrays["nodes/xyz"][np.isin(component.arrays["nodes/id"], nodes)]
+    across = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    if len(nodes) < _THREE or across[1] <= _IN_LINE * across[0]:
+        raise WriteError(
+            f"component '{component.name}': Radioss needs three interface nodes that are not in one line, and this "
+            f"body has {len(nodes)}{' in a line' if len(nodes) >= _THREE else ''}; give it interfaces at further "
+            "nodes, which also show how it bends"
+        )
 
 
 def left_out(component: ComponentFile) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
@@ -22,13 +24,17 @@ SIMSCAPE_MARK = "% Reduced Order Flexible Solid of "
 _SIX = 6
 # The rigid motions of the block must cost no energy. Shapes are known to about nine digits.
 _STRAINED = 1e-6
+# Of a motion's mass, each row scaled to one: what round-off leaves where there is none.
+_INERT = 1e-12
 
 Array = NDArray[np.float64]
 
 
 def simscape_files(path: Path) -> tuple[Path, ...]:
-    """Script and data of one stem."""
-    return path.with_suffix(".m"), path.with_suffix(".mat")
+    """Script and data of one stem: that of the path, made a name that MATLAB can run."""
+    stem = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    stem = stem if stem[:1].isalpha() else f"m{stem}"
+    return path.with_name(f"{stem}.m"), path.with_name(f"{stem}.mat")
 
 
 def write_simscape(path: Path, component: ComponentFile) -> tuple[Path, ...]:
@@ -41,7 +47,8 @@ def write_simscape(path: Path, component: ComponentFile) -> tuple[Path, ...]:
     Parameters
     ----------
     path : Path
-        Name of the script; each file is complete or absent.
+        Name of the script, in which other characters than letters, digits and _ become _; each file is complete or
+        absent.
     component : ComponentFile
         The body.
 
@@ -53,8 +60,8 @@ def write_simscape(path: Path, component: ComponentFile) -> tuple[Path, ...]:
     Raises
     ------
     WriteError
-        If the body is not free in all six directions, has no interface of six dofs at a node, damping is a complex
-        stiffness, or a file cannot be written.
+        If the body is not free in all six directions, has no interface of six dofs at a node, a motion of the interface
+        moves no mass, damping is a complex stiffness, or a file cannot be written.
     """
     if component.rigid_count != _SIX:
         raise WriteError(
@@ -64,6 +71,7 @@ def write_simscape(path: Path, component: ComponentFile) -> tuple[Path, ...]:
     body = framed_superelement(component)
     frames = _frames(component, body)
     _require_rigid_motions(component, body, frames["P"])
+    _require_mass(component, body)
     none = np.zeros_like(body.K)
     data = {
         **frames,
@@ -111,6 +119,18 @@ def _require_rigid_motions(component: ComponentFile, body: Superelement, origins
         raise WriteError(
             f"component '{component.name}': its interface stiffness resists rigid motions of the frames by "
             f"{strained:.1e} of its size, and the block needs zero; check the positions of the interface nodes"
+        )
+
+
+def _require_mass(component: ComponentFile, body: Superelement) -> None:
+    """Refuse a mass matrix that is not positive definite, as of interface nodes that turn without inertia."""
+    size = np.sqrt(np.diagonal(body.M))
+    resting = np.flatnonzero(size <= 0)
+    least = -np.inf if resting.size else la.eigvalsh(body.M / np.outer(size, size))[0]
+    if least <= _INERT:
+        raise WriteError(
+            f"component '{component.name}': a motion of its interface moves no mass, and the block needs a mass matrix "
+            "that is positive definite; give the interface nodes some inertia, or keep more modes"
         )
 
 

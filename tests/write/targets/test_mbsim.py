@@ -1,6 +1,7 @@
 """MBSim's HDF5 input: its own datasets, and the sums over particles that they stand for."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -148,4 +149,12 @@ def test_modes_without_mass_are_refused(tmp_path: Path) -> None:
     body = particles(static=True)
     with pytest.raises(WriteError, match="1 static modes have no mass, and MBSim solves with the modal mass"):
         write_mbsim(tmp_path / "body.h5", body.file, body.integrals)
+    assert not list(tmp_path.iterdir())
+
+
+def test_nodes_whose_numbers_do_not_fit_are_refused(tmp_path: Path) -> None:
+    body = particles()
+    arrays = body.file.arrays | {"nodes/id": body.file.arrays["nodes/id"] + 2**31}
+    with pytest.raises(WriteError, match=f"no node numbers above {2**31 - 1}, and this body has node {2**31 + 34}"):
+        write_mbsim(tmp_path / "body.h5", replace(body.file, arrays=arrays), body.integrals)
     assert not list(tmp_path.iterdir())

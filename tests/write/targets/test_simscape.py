@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
@@ -120,6 +121,26 @@ def test_bodies_that_the_block_cannot_take_are_refused(tmp_path: Path, model: ob
     with pytest.raises(WriteError, match=message):
         rom(tmp_path, model())  # type: ignore[operator]
     assert not list(tmp_path.glob("*_rom*"))
+
+
+def test_an_interface_without_inertia_is_refused(tmp_path: Path) -> None:
+    """Mass at nodes that does not resist their rotations, as decks of beams have it: no mass matrix for the block."""
+    plain = body()
+    M = sp.diags_array(np.where(plain.dofs.component <= 3, 0.3, 0.0)).tocsc()
+    with pytest.raises(WriteError, match="a motion of its interface moves no mass, and the block needs a mass matrix"):
+        rom(tmp_path, replace(plain, M=M))
+    assert not list(tmp_path.glob("*_rom*"))
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"), [("left-arm", "left_arm_rom"), ("3panel", "m3panel_rom"), ("O'träger", "O_tr_ger_rom")]
+)
+def test_files_have_names_that_matlab_runs(tmp_path: Path, name: str, stem: str) -> None:
+    """Letters, digits and _, a letter first; the script loads the data by this name, and the data have the body's."""
+    script, arrays = convert(written(tmp_path, replace(body(), name=name)), f"{tmp_path}/out/", "simscape")
+    assert (script.name, arrays.name) == (f"{stem}.m", f"{stem}.mat")
+    assert f"'fullpath')), '{arrays.name}'));" in script.read_text(encoding="ascii")
+    assert loadmat(arrays)["name"].item() == name
 
 
 def test_the_script_runs_in_octave(tmp_path: Path) -> None:
