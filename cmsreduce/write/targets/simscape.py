@@ -92,8 +92,8 @@ def _frames(component: ComponentFile, body: Superelement) -> dict[str, Array | l
     """Origins in metres, quaternions and interfaces of the nodes, in the order of the rows."""
     nodes, faces = body.interface.node[::_SIX], component.interfaces
     at = [int(np.flatnonzero(component.arrays["nodes/id"] == node)[0]) for node in nodes]
-    names = [next(name for name, ids in faces.items() if node in ids) for node in nodes]
-    axes = np.array([component.arrays[f"interfaces/{name}/frame"] for name in names])
+    names = [[name for name, ids in faces.items() if node in ids] for node in nodes]
+    axes = np.array([component.arrays[f"interfaces/{first}/frame"] for first, *_ in names])
     # The axes are the rows; a rotation matrix has them as columns.
     # To load rotations takes longer than most commands that write no such file.
     from scipy.spatial.transform import Rotation
@@ -102,7 +102,8 @@ def _frames(component: ComponentFile, body: Superelement) -> dict[str, Array | l
     return {
         "P": component.arrays["nodes/xyz"][at] * float(component.attributes["units"]["length_in_si"]),
         "Q": np.roll(vector_first, 1, axis=1),
-        "frames": [f"{name}.{node}" for name, node in zip(names, nodes, strict=True)],
+        # One frame serves all interfaces of a node, along the axes of the first.
+        "frames": [" and ".join(f"{name}.{node}" for name in own) for own, node in zip(names, nodes, strict=True)],
     }
 
 

@@ -123,7 +123,7 @@ def component_states(component: ComponentFile) -> StateSpace:
     if "modes/loss" in arrays:
         raise WriteError(
             f"component '{name}': structural damping is a complex stiffness and has no real state space; give it "
-            "modal damping, or take `matlab` and `abcd` out of write.formats"
+            "modal damping, or take `matlab`, `abcd` and `fmi` out of write.formats"
         )
     faces = tuple(component.interfaces)
     labels = [label for face in faces for label in _labels(component, face)]
@@ -137,7 +137,7 @@ def component_states(component: ComponentFile) -> StateSpace:
     if (C2[:, m:] @ force[m:]).any():
         raise WriteError(
             f"component '{name}': a rate sensor measures a static mode, whose rate is the derivative of an input and "
-            "not a state; measure the displacement, or take `matlab` and `abcd` out of write.formats"
+            "not a state; measure the displacement, or take `matlab`, `abcd` and `fmi` out of write.formats"
         )
     damping, turning = back.T @ arrays["modes/damping"] @ back, component.gyroscopic
     _refuse_lag(component, np.diagonal(damping)[m:])

@@ -132,6 +132,12 @@ def test_an_interface_without_inertia_is_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*_rom*"))
 
 
+def test_a_frame_names_every_interface_of_its_node(tmp_path: Path) -> None:
+    found = rom(tmp_path, body(faces={"hook": 3, "tip": 3, "root": 4}))
+    assert [cell.item() for cell in found["frames"].ravel()] == ["hook.3 and tip.3", "root.4"]
+    assert found["P"].shape == (2, 3) and "2: F1 hook.3 and tip.3, F2" in (tmp_path / "ring_rom.m").read_text()
+
+
 @pytest.mark.parametrize(
     ("name", "stem"), [("left-arm", "left_arm_rom"), ("3panel", "m3panel_rom"), ("O'träger", "O_tr_ger_rom")]
 )
