@@ -35,8 +35,9 @@ _DIFFERENT = 1.0
 _UNSEEN = 1e-7
 # Directions of a group of shapes below this share of the largest are rounding.
 _DEPENDENT = 1e-8
-# A mode whose damping ratio is below this is damped by round-off or hardly at all: its ratio has no error.
-_UNDAMPED = 1e-9
+# A mode whose damping ratio is below this is damped by round-off or hardly at all: its ratio has no error, unless the
+# reduced mode has the second ratio, which the model invents.
+_UNDAMPED, _INVENTED = 1e-9, 1e-4
 # Shapes with this share of the largest MAC look as much alike: where modes are repeated or damping mixes close ones, a
 # shape may be any mixture, and the partner is the nearest root among them.
 _AS_ALIKE = 0.5
@@ -287,6 +288,7 @@ def pair_complex_modes(
     best = np.where(alike, abs(full[:, None] - there), np.inf).argmin(axis=0)
     partner = full[best]
     zeta, zeta_r = -partner.real / abs(partner), -there.real / abs(there)
-    damped = zeta > _UNDAMPED
-    error = np.where(damped, abs(zeta_r - zeta) / np.where(damped, zeta, 1.0), np.nan)
+    damped = abs(zeta) > _UNDAMPED
+    none = np.where(abs(zeta_r) > _INVENTED, np.inf, np.nan)
+    error = np.where(damped, abs(zeta_r - zeta) / np.where(damped, abs(zeta), 1.0), none)
     return DampedPairs(partner, there, mac[best, np.arange(best.size)], error)

@@ -35,6 +35,8 @@ SILENT = 1e-6
 _ROUNDS = 4
 PERCENTILE = 99.0
 """Per cent of the points of a Bode plot that lie within the decibel error."""
+# Decibels of a response that is infinite or not a number; two finite ones differ by less than 13 000.
+_ENDLESS = 1e5
 # A peak 60 dB below the highest of its channel cannot be seen beside it.
 _SEEN = 1e-3
 # A peak lies off its resonance by zeta^2, more where the slope of other modes tilts it; further off, it belongs to a
@@ -125,14 +127,16 @@ def db_errors(H: Response, H_r: Response, row: Array, column: Array, judged: NDA
     -------
     (outputs, inputs) float64
         99th percentile over the grid of |20 log10(|H_r| / |H|)|; NaN for channels silent beside the strongest of their
-        unit.
+        unit, and for these alone: a response that is not a number has an error beyond all others.
     """
     loud = loud_channels(H, row, column) | judged
     tiny = np.finfo(float).tiny
     full, reduced = (np.maximum(abs(X[:, loud]), tiny) for X in (H, H_r))
     found = np.full(loud.shape, np.nan)
     if loud.any():
-        found[loud] = np.percentile(abs(20 * np.log10(reduced / full)), PERCENTILE, axis=0)
+        # A maximum over channels leaves silent ones out, and would not see an error that is not a number.
+        apart = np.nan_to_num(abs(20 * np.log10(reduced / full)), nan=_ENDLESS, posinf=_ENDLESS)
+        found[loud] = np.percentile(apart, PERCENTILE, axis=0)
     return found
 
 
@@ -179,11 +183,13 @@ def channel_errors(omega: Array, H: Response, H_r: Response) -> Array:
     -------
     (outputs, inputs) float64
         sqrt(int |H - H_r|^2 dw / int |H|^2 dw); NaN for a channel that is silent in both models, infinite for one that
-        is silent in the reference model alone.
+        is silent in the reference model alone, or whose response is not a number.
     """
     miss, size = (np.sqrt(np.trapezoid(abs(X) ** 2, omega, axis=0)) for X in (H - H_r, H))
-    silent = np.where(miss > 0, np.inf, np.nan)
-    return np.asarray(np.where(size > 0, miss / np.where(size > 0, size, 1.0), silent))
+    error = np.nan_to_num(
+        np.divide(miss, size, out=np.full(miss.shape, np.inf), where=size > 0), nan=np.inf, posinf=np.inf
+    )
+    return np.where((miss == 0) & (size == 0), np.nan, error)
 
 
 def peak_errors(H: Response, H_r: Response) -> Array:

@@ -278,6 +278,14 @@ def test_a_mode_without_damping_has_no_error():
     assert pairs.worst == pytest.approx(0.5)
 
 
+def test_damping_that_the_reference_does_not_have_is_an_error():
+    pairs = pair_complex_modes(roots(HZ[:1], np.zeros(1)), roots(HZ[:1], np.array([0.01])), np.eye(1) + 0j, 10.0)
+    assert np.isinf(pairs.worst)
+    # A mode that gains energy.
+    pairs = pair_complex_modes(roots(HZ[:1], -np.full(1, 0.02)), roots(HZ[:1], np.array([0.01])), np.eye(1) + 0j, 10.0)
+    assert pairs.worst == pytest.approx(1.5)
+
+
 @pytest.mark.parametrize(("full", "reduced"), [(0, 2), (2, 0)])
 def test_no_roots_to_pair(full, reduced):
     s = roots(HZ, ZETA)

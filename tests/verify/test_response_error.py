@@ -214,3 +214,16 @@ def test_errors_of_single_channels() -> None:
     np.testing.assert_allclose(peaks[:2], [0.1, 1 - (w0 / w1) ** 2], rtol=1e-3)
     assert np.isnan(found[2]) and np.isnan(peaks[2])
     assert loud_channels(both, np.ones(3), ONE).ravel().tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, complex(np.nan, 1.0)])
+def test_a_response_that_is_not_a_number_hides_no_error(wrong: complex) -> None:
+    H = random_response(7)
+    row, column = channel_scales(IN, OUT, H, H)
+    for points in (slice(None), slice(0, 3)):
+        H_r = H.copy()
+        H_r[points, 0, 0] = wrong
+        with np.errstate(invalid="ignore"):
+            assert db_error(H, H_r, row, column) > 1e4
+            assert channel_errors(np.arange(1.0, 1 + len(H)), H, H_r)[0, 0] == np.inf
+    assert db_error(H, H, row, column) == 0

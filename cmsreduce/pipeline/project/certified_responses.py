@@ -56,19 +56,24 @@ def certified(
         rigid = sample.H - sample.elastic
         # Without the unreduced response: the reduced one is its measure.
         size = _squares((joined.H - rigid) * channel)
-        whole = np.trapezoid(size, sample.omega)
-        squares = [_squares(part * channel) for part in (found.estimate, found.bound)]
-        for record, square in zip((estimated, bounds), squares, strict=True):
-            record[each.name] = float(np.sqrt(np.trapezoid(square, sample.omega) / whole)) if whole else 0.0
+        whole = float(np.trapezoid(size, sample.omega))
+        # An infinite bound of a silent channel does not count.
+        parts = (np.where(channel > 0, part, 0.0) * channel for part in (found.estimate, found.bound))
+        squares = [_squares(part) for part in parts]
+        estimate, bound = (_share(float(np.trapezoid(square, sample.omega)), whole) for square in squares)
+        # The unreduced response is at least the reduced one less the bound.
+        estimated[each.name], bounds[each.name] = estimate, bound / (1 - bound) if bound < 1 else np.inf
         at = _largest(found, squares[0])
         error = _squares((joined.H[at] - direct(each, sample.omega[at])) * channel)
         for k, square in zip(at, error, strict=True):
-            shares = (
-                float(np.sqrt(part / max(size[k], np.finfo(float).tiny)))
-                for part in (square, squares[0][k], squares[1][k])
-            )
+            shares = (_share(float(part), float(size[k])) for part in (square, squares[0][k], squares[1][k]))
             solved.append(SolvedPoint(each.name, float(sample.omega[k] / (2 * np.pi)), *shares))
     return CertificateRecord(estimated, bounds, tuple(solved), ESTIMATE_FACTOR, reference)
+
+
+def _share(square: float, whole: float) -> float:
+    """Root of a square as a share of another; infinite beside nothing."""
+    return float(np.sqrt(square / whole)) if whole else (np.inf if square else 0.0)
 
 
 def _squares(H: NDArray[np.complex128] | NDArray[np.float64]) -> NDArray[np.float64]:
