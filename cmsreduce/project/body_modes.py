@@ -15,6 +15,8 @@ Complex = NDArray[np.complex128]
 # A sum over complex modes is checked at about so many frequencies, and holds where it inverts the stiffness this well:
 # rounding times the condition of a sharp resonance.
 _CHECKED, _INVERTED = 12, 1e-8
+# A damping matrix resists a motion by more than this share of its largest eigenvalue, or by rounding alone.
+_RESISTS = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,11 +138,13 @@ class BodyModes:
         return np.asarray(np.linalg.solve(np.diag(diagonal) + 1j * omega * self.D, F))
 
     def dual_norms(self, omega: Array, F: Complex) -> Array:
-        """F^H (w D)^-1 F of loads (f, n, p), with the loss factor times K in place of w D; infinite without damping."""
-        if not self.loss and self.D.ndim == 2:
-            solved = np.linalg.solve(self.D, F)
-            return np.asarray(np.sum((F.conj() * solved).real, axis=1) / omega[:, None])
-        viscous = self.D if self.D.ndim == 1 else self.D.diagonal()
+        """F^H (loss K + w D)^-1 F of loads (f, n, p), or more; infinite along motions without damping."""
+        viscous = self.D if self.D.ndim == 1 else np.zeros(self.count)
+        if self.D.ndim == 2 and not self.loss:
+            # The matrix of a few dampers resists as many motions.
+            viscous, V = np.linalg.eigh(self.D)
+            viscous = np.where(viscous > _RESISTS * viscous.max(initial=0.0), viscous, 0.0)
+            F = V.T @ F
         drag = (self.loss * self.omega**2 + omega[:, None] * viscous)[:, :, None]
         squares = abs(F) ** 2
         return np.asarray(

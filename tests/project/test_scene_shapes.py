@@ -305,3 +305,30 @@ def test_without_damping_no_bound_is_claimed():
     shapes = random_shapes(rng, scene)
     (found,) = response_certificates(scene, shapes, richer_shapes(scene, shapes, 1))
     assert np.isinf(found.bound).all() and np.isfinite(found.estimate).all()
+
+
+@pytest.mark.parametrize("dampers", [1, 2, 5])
+def test_a_few_dampers_bound_no_motion_that_they_do_not_resist(dampers):
+    """A damping matrix of lower rank than the body has modes, and one beside structural damping."""
+    rng = np.random.default_rng(9)
+    scene = random_scene(rng, "matrix")
+    for body in scene.bodies.values():
+        X = rng.standard_normal((body.count, dampers))
+        object.__setattr__(body, "D", 0.1 * X @ X.T)
+    shapes = random_shapes(rng, scene)
+    (found,) = response_certificates(scene, shapes, richer_shapes(scene, shapes, 1))
+    assert np.isinf(found.bound).all() and np.isfinite(found.estimate).all()
+    for body in scene.bodies.values():
+        object.__setattr__(body, "loss", 0.01)
+    (found,) = response_certificates(scene, shapes, richer_shapes(scene, shapes, 1))
+    error = abs(scene.joined(shapes)[0].H - whole_responses(scene)[0])
+    assert np.isfinite(found.bound).all() and (error <= found.bound * (1 + 1e-9)).all()
+
+
+def test_the_norm_of_loads_that_dampers_resist_is_that_of_their_inverse():
+    rng = np.random.default_rng(11)
+    X, w = rng.standard_normal((6, 6)), np.array([0.5, 2.0])
+    F = rng.standard_normal((2, 6, 3)) + 1j * rng.standard_normal((2, 6, 3))
+    found = BodyModes(np.arange(1.0, 7.0), X @ X.T).dual_norms(w, F)
+    exact = [[(f.conj() @ la.solve(v * X @ X.T, f)).real for f in part.T] for v, part in zip(w, F, strict=True)]
+    np.testing.assert_allclose(found, exact, rtol=1e-10)

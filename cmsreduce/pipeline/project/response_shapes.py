@@ -320,10 +320,13 @@ class ResponseShapes:
                     else "project: the limits do not hold in the whole range; ask for more shapes, or for `auto`"
                 )
         name, estimate, bound = certificate.worst
+        proven = f"proven to be below {bound:.3g} of the system of all candidates"
+        if bound == np.inf:
+            proven = "has no proven bound, since some motion has little or no damping,"
         off = max((each.error / each.estimate for each in certificate.solved if each.estimate), default=0.0)
         notes.append(
-            f"project: certificate: frf_error is estimated at {estimate:.3g} and proven to be below {bound:.3g} of the "
-            f"system of all candidates in '{name}', the configuration with the largest bound; at "
+            f"project: certificate: frf_error is estimated at {estimate:.3g} and {proven} "
+            f"in '{name}', the configuration with the largest bound; at "
             f"{len(certificate.solved)} frequencies with the largest estimates, solves of the unreduced bodies give at "
             f"most {off:.3g} times the estimated error"
         )

@@ -43,6 +43,8 @@ _INTEGRATORS = {
     "ab2": "AB-2",
 }
 
+_UNBOUNDED = "without a proven bound, since some motion has little or no damping"
+
 
 def print_summary(
     run: RunResult,
@@ -209,9 +211,10 @@ def _projection(record: ProjectionRecord) -> Iterator[str]:
     if record.certificate is not None:
         name, estimate, bound = record.certificate.worst
         counts = ", ".join(f"{rank} of {body}" for body, rank in record.rank.items())
+        proven = f"proven below {per_cent(bound)} of all candidates"
         yield (
             f"scene shapes: {counts}, optimised in {plural(len(record.configurations), 'configuration')}; frf_error by "
-            f"residuals: {per_cent(estimate)}, proven below {per_cent(bound)} of all candidates ('{name}')"
+            f"residuals: {per_cent(estimate)}, {proven if bound < np.inf else _UNBOUNDED} ('{name}')"
         )
         return
     for body, values in record.singular.items():
