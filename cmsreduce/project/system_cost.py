@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import elastic_and_massless
-from cmsreduce.linalg.gramian import check_damped, controllability, state_space
+from cmsreduce.linalg.gramian import check_damped, controllability
 from cmsreduce.model import ModalChannels, Substructure, System
 
 __all__ = ["Shares", "SystemCost", "coordinate_shares", "largest_shares", "system_cost"]
@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 _UNCOUPLED = 1e-10
 # Damping resists a rigid motion when its power there is more than this share of the power by its largest entry.
 _DAMPED = 1e-9
+# A shape without mass lags behind its load if its time constant is more than this share of the shortest period.
+_LAGS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +54,49 @@ class SystemCost(Shares):
         Share of each elastic mode of the system; with ``damped_rigid`` they sum to V, as those of the coordinates do.
     damped_rigid : (b,) float64
         Share of each rigid motion that dampers resist, by its rate.
+    lagging : (l,) float64
+        Share of each shape without mass that dampers resist.
     """
 
     modes: Array
     damped_rigid: Array
+    lagging: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Motions:
+    """Motions of a system in which its response to noise has a mean square.
+
+    Parameters
+    ----------
+    omega : (e,) float64
+        Elastic frequencies in rad/s.
+    shapes : (N, k) float64
+        Elastic modes, rigid motions that dampers resist, shapes without mass that they resist: e, b and l of them.
+    D : (k, k) float64
+        Damping of these.
+    lagging : int
+        l.
+    """
+
+    omega: Array
+    shapes: Array
+    D: Array
+    lagging: int
+
+    @property
+    def elastic(self) -> slice:
+        return slice(0, self.omega.size)
+
+    @property
+    def moving(self) -> slice:
+        """Motions with mass."""
+        return slice(0, self.D.shape[0] - self.lagging)
+
+    @property
+    def following(self) -> slice:
+        """Motions without mass."""
+        return slice(self.moving.stop, self.D.shape[0])
 
 
 def system_cost(
@@ -79,7 +120,7 @@ def system_cost(
     DampingError
         If an elastic mode has no damping: its response to noise is infinite.
     MatrixError
-        If damping is a complex stiffness.
+        If damping is a complex stiffness, or gyroscopic forces act on rigid motions or on shapes without mass.
 
     Notes
     -----
@@ -91,32 +132,56 @@ def system_cost(
     A rigid motion that dampers resist and no spring holds, such as a hinge with drag, has a rate with a finite mean
     square and a displacement without bound. Its rate is a state like the others, coupled by damping; its displacement,
     on which nothing else depends, is left out of the outputs, as are the motions that nothing resists.
+
+    A shape N without mass that a damper resists, as the point between the spring and the dashpot of a Maxwell element,
+    has one state, its amplitude x: N^T D N x' + x = N^T (B u - D v), v the rates of the motions with mass. What follows
+    the noise without delay has no mean square, and is left out of the outputs: shapes without mass and damping, and the
+    direct part of x'.
     """
-    w, Phi, damped_rigid, modal = _stable_motions(system)
-    e = w.size
+    motions = _stable_motions(system)
+    w, e = motions.omega, motions.omega.size
+    Phi, moving, following = motions.shapes[:, :e], motions.moving, motions.following
     noise = np.ones(len(system.inputs)) if noise is None else np.asarray(noise, dtype=np.float64)
     weight = np.ones(len(system.outputs)) if weight is None else np.asarray(weight, dtype=np.float64)
     channels = ModalChannels(
         "the assembled system",
         w,
-        modal.diagonal()[:e] / (2 * w),
+        motions.D.diagonal()[:e] / (2 * w),
         Phi.T @ system.B * np.sqrt(noise),
         np.sqrt(weight)[:, None] * (system.C1 @ Phi),
         np.sqrt(weight)[:, None] * (system.C2 @ Phi),
     )
     check_damped(channels, "component cost analysis")
-    rates = np.sqrt(weight)[:, None] * (system.C2 @ damped_rigid)
-    C = np.hstack([channels.C1 / w, channels.C2, rates])
-    XQ = _noise_covariance(channels, modal, damped_rigid.T @ system.B * np.sqrt(noise)) @ C.T @ C
+    inputs = motions.shapes.T @ system.B * np.sqrt(noise)
+    still, rates = (np.sqrt(weight)[:, None] * (rows @ motions.shapes) for rows in (system.C1, system.C2))
+    # x' = lag [v; x] and the noise.
+    lag = -la.solve(motions.D[following, following], np.eye(motions.D.shape[0])[following])
+    lag[:, moving] = lag[:, following] @ motions.D[following, moving]
+    seen = rates[:, following] @ lag
+    seen[:, moving] += rates[:, moving]
+    seen[:, following] += still[:, following]
+    C = np.hstack([still[:, :e] / w, seen])
+    XQ = _noise_covariance(channels, motions, inputs, lag) @ C.T @ C
     shares = XQ.diagonal()
-    of_pairs = XQ[e:, e:].copy()
-    of_pairs[:e, :e] += XQ[:e, :e] * (w / w[:, None])
     return SystemCost(
         float(shares.sum()),
-        coordinate_shares(system, substructures, np.hstack([Phi, damped_rigid]), of_pairs),
+        coordinate_shares(system, substructures, motions.shapes, _of_pairs(XQ, motions), motions.lagging),
         np.asarray(shares[:e] + shares[e : 2 * e]),
-        np.asarray(shares[2 * e :]),
+        np.asarray(shares[2 * e : e + moving.stop]),
+        np.asarray(shares[e + moving.stop :]),
     )
+
+
+def _of_pairs(XQ: Array, motions: _Motions) -> Array:
+    """Shares of pairs of motions (k, k): of their displacements and of their rates, from those of the states."""
+    e, w, following = motions.omega.size, motions.omega, motions.following
+    found = XQ[e:, e:].copy()
+    found[:e, :e] += XQ[:e, :e] * (w / w[:, None])
+    # A shape without mass has a displacement, and no rate that is a state.
+    found[following, motions.moving] = found[motions.moving, following] = 0.0
+    found[:e, following] = XQ[:e, e:][:, following] / w[:, None]
+    found[following, :e] = XQ[e:, :e][following] * w
+    return found
 
 
 def largest_shares(costs: Sequence[Shares], body: str, groups: Sequence[NDArray[np.int64]]) -> Array:
@@ -139,8 +204,7 @@ def largest_shares(costs: Sequence[Shares], body: str, groups: Sequence[NDArray[
     return found
 
 
-def _stable_motions(system: System) -> tuple[Array, Array, Array, Array]:
-    """Elastic frequencies (e,) in rad/s, modes (N, e), damped rigid motions (N, b), damping of both (e + b, e + b)."""
+def _stable_motions(system: System) -> _Motions:
     if system.loss is not None:
         raise MatrixError(
             "the ranking by system cost needs a state space, and structural damping, a complex stiffness, has none: "
@@ -157,26 +221,52 @@ def _stable_motions(system: System) -> tuple[Array, Array, Array, Array]:
     drag, V = la.eigh(rigid.T @ D @ rigid) if rigid.shape[1] else (np.zeros(0), np.zeros((0, 0)))
     least = _DAMPED * abs(D).max(initial=0.0) * float((rigid**2).sum(axis=0).max(initial=0.0))
     damped_rigid = rigid @ V[:, drag > least]
-    squared, Phi, _ = elastic_and_massless(K, M, rigid, system.rounding)
-    motions = np.hstack([Phi, damped_rigid])
-    return np.sqrt(squared), Phi, damped_rigid, motions.T @ D @ motions
+    squared, Phi, massless = elastic_and_massless(K, M, rigid, system.rounding)
+    w = np.sqrt(squared)
+    drawn = massless.T @ D @ massless
+    if system.gyroscopic and abs((D - D.T) @ massless).max(initial=0.0) > _DAMPED * abs(D @ massless).max(initial=0.0):
+        raise MatrixError(
+            "gyroscopic forces act on a shape without mass: component cost analysis has no figure for it; give the "
+            "node of the wheel its inertia"
+        )
+    time, V = la.eigh((drawn + drawn.T) / 2) if massless.shape[1] else (np.zeros(0), drawn)
+    lagging = massless @ V[:, time * w.max(initial=0.0) > _LAGS]
+    shapes = np.hstack([Phi, damped_rigid, lagging])
+    return _Motions(w, shapes, shapes.T @ D @ shapes, lagging.shape[1])
 
 
-def _noise_covariance(channels: ModalChannels, modal: Array, damped_B: Array) -> Array:
-    """X of A X + X A^T + B B^T = 0 in the states [w q; q'; v], v the rates of damped rigid motions (2e + b, 2e + b)."""
-    e, b = channels.count, damped_B.shape[0]
-    own = np.sqrt(modal.diagonal())
-    if not b and (abs(modal - np.diag(modal.diagonal())) <= _UNCOUPLED * np.outer(own, own)).all():
+def _noise_covariance(channels: ModalChannels, motions: _Motions, inputs: Array, lag: Array) -> Array:
+    """X of A X + X A^T + B B^T = 0 in the states [w q; v; x] (e + k, e + k).
+
+    Parameters
+    ----------
+    channels : ModalChannels
+        Elastic modes.
+    motions : _Motions
+    inputs : (k, inputs) float64
+        Noise on the motions.
+    lag : (l, k) float64
+        Rates of the shapes without mass, from v and x.
+    """
+    e, D, moving, following = channels.count, motions.D, motions.moving, motions.following
+    own = np.sqrt(np.maximum(D.diagonal(), 0.0))
+    if D.shape[0] == e and (abs(D - np.diag(D.diagonal())) <= _UNCOUPLED * np.outer(own, own)).all():
         return controllability(channels)
-    A, B, _ = state_space(channels, summed=True)
-    A = la.block_diag(A, np.zeros((b, b)))
-    A[e:, e:] = -modal
-    B = np.vstack([B, damped_B])
+    # Rates of v under v and x: the force of the dampers on v, those to shapes without mass by their rates.
+    of_rates = np.zeros_like(D)
+    of_rates[moving, moving] = -D[moving, moving]
+    of_rates[moving] -= D[moving, following] @ lag
+    of_rates[following] = lag
+    direct = -lag[:, following] @ inputs[following]
+    driven = np.vstack([inputs[moving] - D[moving, following] @ direct, direct])
+    A = np.zeros((e + D.shape[0],) * 2)
+    A[:e, e : 2 * e], A[e : 2 * e, :e], A[e:, e:] = np.diag(channels.omega), -np.diag(channels.omega), of_rates
+    B = np.vstack([np.zeros((e, inputs.shape[1])), driven])
     return np.asarray(la.solve_continuous_lyapunov(A, -B @ B.T))
 
 
 def coordinate_shares(
-    system: System, substructures: Mapping[str, Substructure], motions: Array, shares: Array
+    system: System, substructures: Mapping[str, Substructure], motions: Array, shares: Array, massless: int = 0
 ) -> dict[str, Array]:
     """Divide a measure among the coordinates of the bodies.
 
@@ -190,9 +280,14 @@ def coordinate_shares(
         Motions, orthonormal in the mass, without which the measure is zero.
     shares : (k, k) float64
         Parts of the measure due to pairs of motions; it is their trace.
+    massless : int
+        The last motions, which have no mass and are orthonormal in the stiffness.
     """
-    shapes = np.split(dense(system.T @ motions), np.cumsum(list(system.sizes.values()))[:-1])
-    return {
-        name: np.asarray(((own @ shares) * (substructures[name].M @ own)).sum(axis=1))
-        for name, own in zip(system.sizes, shapes, strict=True)
-    }
+    heavy = motions.shape[1] - massless
+    shapes, found = np.split(dense(system.T @ motions), np.cumsum(list(system.sizes.values()))[:-1]), {}
+    for name, own in zip(system.sizes, shapes, strict=True):
+        weighed = dense(substructures[name].M @ own)
+        if massless:
+            weighed[:, heavy:] = dense(substructures[name].K @ own[:, heavy:])
+        found[name] = np.asarray(((own @ shares) * weighed).sum(axis=1))
+    return found

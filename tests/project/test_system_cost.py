@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from scipy.integrate import quad_vec
 
-from cmsreduce.assemble import assemble, elastic_states, modal_substructure, rigid_substructure
+from cmsreduce.assemble import (
+    assemble,
+    elastic_states,
+    modal_substructure,
+    physical_substructure,
+    rigid_substructure,
+)
 from cmsreduce.balance import component_costs, keep_total
 from cmsreduce.errors import DampingError, MatrixError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.model import Configuration, Damping, ModalChannels, Scene
+from cmsreduce.model import Configuration, Damping, DofTable, FEModel, ModalChannels, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.project import Shares, largest_shares, system_cost
 from cmsreduce.reduce import CraigBampton
@@ -197,3 +204,45 @@ def test_what_has_no_mean_square_is_refused(law, error, words):
     system, subs, _ = study(law)
     with pytest.raises(error, match=words):
         system_cost(system, subs)
+
+
+def dashpots(constants, held=True):
+    """Four masses and two points without mass in a chain of springs; dashpots from these points to the ground."""
+    n, massless = 6, [1, 4]
+    K = np.diag(np.r_[2.0 if held else 1.0, 2, 2, 2, 2, 1]) - np.eye(n, k=1) - np.eye(n, k=-1)
+    M = np.diag([1.0, 0, 2, 0.5, 0, 1])
+    D = 0.01 * K
+    D[massless, massless] += constants
+    body = FEModel("chain", sp.csc_array(K), sp.csc_array(M), DofTable(np.arange(1, n + 1), np.zeros(n, dtype=int)))
+    rigid = np.empty((n, 0)) if held else np.full((n, 1), 1 / np.sqrt(np.trace(M)))
+    subs = {"chain": replace(physical_substructure(body, [], rigid), D=D)}
+    system = assemble(subs, Scene(("chain",), (0.0, 1.0), ()), AS_BUILT)
+    rows = np.zeros((3, n))
+    rows[0, 0], rows[1, 4], rows[2, 1] = 1.0, 1.0, 1.0
+    B = np.zeros((n, 2))
+    B[5, 0], B[0, 1] = 1.0, 0.3
+    # A displacement, the displacement of a point without mass, and the rate of one.
+    measured = np.array([[1.0], [1.0], [0.0]])
+    system = replace(system, B=system.T.T @ B, C1=measured * (rows @ system.T), C2=(1 - measured) * (rows @ system.T))
+    return replace(system, inputs=("a", "b"), outputs=("x", "y", "z")), subs
+
+
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("constants", [(0.3, 3.0), (1e-3, 40.0), (2.0, 0.0)])
+def test_points_without_mass_behind_dashpots_lag(constants, held):
+    """A Maxwell element adds stiffness at high frequencies, which damping of the modes with mass does not have."""
+    system, subs = dashpots(constants, held)
+    if not held:
+        # Displacements wander.
+        system = replace(system, C1=0 * system.C1, C2=system.C1 + system.C2)
+    K, M, D = (dense(A) for A in (system.K, system.M, system.D))
+
+    def square(w):
+        H = (system.C1 + 1j * w * system.C2) @ la.solve(K + 1j * w * D - w**2 * M, system.B)
+        return np.sum(abs(H) ** 2) / np.pi
+
+    V = quad_vec(square, 1e-9, np.inf, epsrel=1e-10, points=np.geomspace(0.01, 10, 50), limit=10**5)[0]
+    cost = system_cost(system, subs)
+    parts = cost.modes.sum() + cost.damped_rigid.sum() + cost.lagging.sum()
+    assert cost.lagging.size == 2 and abs(cost.lagging).max() > 1e-3 * V and cost.damped_rigid.size == 1 - held
+    assert [cost.total, parts, cost.coordinates["chain"].sum()] == pytest.approx([V] * 3, rel=1e-6)
