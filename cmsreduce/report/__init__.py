@@ -36,7 +36,7 @@ from cmsreduce.report.terminal import (
     sweep_data,
 )
 from cmsreduce.report.verdict import meaning
-from cmsreduce.report.wording import file_name, number, numbers, place, worst_error
+from cmsreduce.report.wording import number, numbers, place, worst_error
 
 __all__ = [
     "DIFFERENCE_WIDTH",
@@ -49,7 +49,6 @@ __all__ = [
     "check_line",
     "csv_tables",
     "figure_pictures",
-    "file_name",
     "finding_data",
     "health_lines",
     "html_card",

@@ -19,7 +19,7 @@ from cmsreduce.pipeline.bodies import cells_of
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system import AssembledModel
-from cmsreduce.report import FIGURE_NAMES, csv_tables, figure_pictures, file_name, run_pictures
+from cmsreduce.report import FIGURE_NAMES, csv_tables, figure_pictures, run_pictures
 from cmsreduce.write import StateSpace, atomic_path, basic_shapes, write_matlab, write_vtu
 
 __all__ = ["export_figures", "export_pictures", "export_shapes", "export_tables", "write_system_states"]
@@ -29,7 +29,7 @@ def export_pictures(result: RunResult, folder: Path, suffix: str = ".png") -> li
     """Pictures of a run in ``folder/pictures``."""
     to = folder / "pictures"
     to.mkdir(parents=True, exist_ok=True)
-    files = [_picture(name, draw, to / f"{file_name(name)}{suffix}") for name, draw in _pictures(result).items()]
+    files = [_picture(name, draw, to / f"{name}{suffix}") for name, draw in _pictures(result).items()]
     return [path for path in files if path is not None]
 
 

@@ -72,14 +72,25 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
     folder.mkdir(parents=True, exist_ok=True)
     made = []
     for name, draw in run_pictures(run).items():
-        made.append(folder / f"{file_name(name)}{suffix}")
+        made.append(folder / f"{name}{suffix}")
         draw(made[-1])
     return made
 
 
+class _ByFile(dict[str, Callable[[Path], None]]):
+    """Pictures by the names of their files, each of its own also where file systems ignore case."""
+
+    def add(self, name: str, draw: Callable[[Path], None]) -> None:
+        """Add a picture; of several with one name, the later ones are numbered."""
+        name, taken, number = file_name(name), {known.lower() for known in self}, 1
+        while (own := name if number == 1 else f"{name}.{number}").lower() in taken:
+            number += 1
+        self[own] = draw
+
+
 def run_pictures(run: RunResult) -> dict[str, Callable[[Path], None]]:
-    """Every picture of a run, by its name: functions that draw into a file."""
-    found: dict[str, Callable[[Path], None]] = {}
+    """Every picture of a run, by the name of its file without suffix: functions that draw into a file."""
+    found = _ByFile()
     names = [result.configuration.name for result in run.configurations]
     rows = worst(run, run.model)
     at = names.index(rows[0][1].note) if rows else 0
@@ -92,15 +103,17 @@ def run_pictures(run: RunResult) -> dict[str, Callable[[Path], None]]:
         found["errors"] = partial(draw_chart, charts.errors_by_configuration(run))
         for o, output in enumerate(run.outputs):
             for i, given in enumerate(run.inputs):
-                found[f"response_{given}_{output}"] = partial(response_picture, run, configuration=at, channel=(o, i))
+                channel = partial(response_picture, run, configuration=at, channel=(o, i))
+                found.add(f"response_{given}_{output}", channel)
         errors = run.configurations[at].errors.get(run.model)
         if errors is not None and errors.mac_matrix is not None and errors.mac_matrix.mac.size:
             found["mac"] = partial(draw_chart, charts.mac(errors.mac_matrix, names[at]))
     for name, part in run.components.items():
         if np.isfinite(part.modes.sigma).any():
-            found[f"sigma_{name}"] = partial(draw_chart, charts.ranking(part))
+            found.add(f"sigma_{name}", partial(draw_chart, charts.ranking(part)))
         if name in run.effective_mass:
-            found[f"effective_mass_{name}"] = partial(draw_chart, charts.effective_mass(name, run.effective_mass[name]))
+            masses = charts.effective_mass(name, run.effective_mass[name])
+            found.add(f"effective_mass_{name}", partial(draw_chart, masses))
     if run.gains:
         found["gains"] = partial(gain_picture, run, names[at] if names else next(iter(run.gains)))
     return found

@@ -60,6 +60,18 @@ def test_a_run_without_responses_has_pictures_of_its_modes(make_run, tmp_path: P
     ]
 
 
+def test_every_channel_and_body_has_a_file_of_its_own(make_run, tmp_path: Path) -> None:
+    """`a_b` to `c` beside `a` to `b_c`, and names that differ in their capitals alone, as file systems may ignore."""
+    run = make_run(bodies=("rotor", "Rotor"), inputs=("a_b", "a"), outputs=("c", "b_c", "B_c"))
+    files = write_pictures(run, tmp_path, ".svg")
+    assert len({file.name.lower() for file in files}) == len(files) == 1 + 6 + 2
+    texts = [file.read_text() for file in files]
+    for given in run.inputs:
+        for output in run.outputs:
+            assert sum(f"<!-- {given} → {output}, " in text for text in texts) == 1, (given, output)
+    assert [file.stem for file in files if "sigma" in file.stem] == ["sigma_rotor", "sigma_Rotor.2"]
+
+
 def test_single_pictures(make_run, tmp_path: Path) -> None:
     run = make_run()
     found = figure_pictures(run)
