@@ -203,6 +203,29 @@ def test_files_and_time(tmp_path: Path) -> None:
     np.testing.assert_allclose(-A[m:, m:], damped, atol=1e-9 * abs(damped).max())
 
 
+def test_a_parameter_of_several_wheels_of_a_body_is_one_matrix_of_its_file(tmp_path: Path) -> None:
+    """Phi^T G Phi of a wheel along y at node 4, of one along x at node 2, and of a matrix, for 1 N*m*s."""
+    op4.write(str(tmp_path / "drum.op4"), {"G": wheel(36, 9, np.array([0.0, 0.0, 2.0]))})
+    text = PIPELINE.replace("scene:\n", "scene:\n  parameters: {{spin: " + SPUN + "}}\n", 1)
+    path = study(tmp_path, text)
+    own = path.read_text().replace("{yaw: {at: 4, axis: [0, 0.6, 0.8]", "{roll: {at: 2, axis: x}, yaw: {at: 4, axis: y")
+    path.write_text(own)
+    run = open_run(path, ["scene.articulation=null", "reduce.cutoff=6", "verify=null"])
+    execute(run, path, report=False)
+    nodes = {4: [0.0, 1.0, 0.0], 2: [1.0, 0.0, 0.0]}
+    G = sum(wheel(36, 6 * (node - 1) + 3, np.array(axis)) for node, axis in nodes.items())
+    G += wheel(36, 9, np.array([0.0, 0.0, 2.0]))
+    with h5py.File(run.folder / "panel.h5") as file:
+        found, power = file["parameters/spin/gyroscopic"][()], file["parameters/spin"].attrs["gyroscopic_power"]
+    Phi = np.asarray(run.final["panel"].Phi)
+    np.testing.assert_allclose(found, Phi.T @ G @ Phi, atol=1e-12 * abs(found).max())
+    assert power == 1
+    path.write_text(own.replace("matrix: G}", "matrix: G, power: 2}"))
+    with pytest.raises(CmsReduceError, match="give the wheel a parameter of its own"):
+        _ = open_run(path).bodies["panel"]
+
+
+SPUN = "{{values: [0, 2], wheels: [panel.yaw, panel.roll], gyroscopic: {{panel: {{file: drum.op4, matrix: G}}}}}}"
 REFUSED = {
     "a damping": ("turning.op4, matrix: GA", "turning.op4, matrix: GB", "is not skew"),
     "Coriolis": ("turning.op4, matrix: GA", "turning.op4, matrix: GC", "Coriolis matrix of a rotating frame"),

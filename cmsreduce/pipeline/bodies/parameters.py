@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -80,7 +81,23 @@ def body_terms(pipeline: Pipeline, body: FEModel, as_read: FEModel) -> tuple[tup
             if f"{body.name}.{label}" in keys.wheels:
                 unit = keys.unit.number_in(pipeline.units)
                 found.append(ParameterTerm(name, "G", _wheel(body, label, wheel, wheel.direction / unit), 1))
-    return tuple(found), remarks
+    return _merged(found, body.name), remarks
+
+
+def _merged(terms: list[ParameterTerm], body: str) -> tuple[ParameterTerm, ...]:
+    """One term for each parameter and letter: the matrix of a rotor and each of its wheels turn by one parameter."""
+    found = dict[tuple[str, Letter], ParameterTerm]()
+    for term in terms:
+        same = found.setdefault((term.parameter, term.letter), term)
+        if same.power != term.power:
+            raise SceneError(
+                f"body '{body}': parameter '{term.parameter}' adds a gyroscopic matrix by its power {same.power} and "
+                f"the momentum of a wheel by its power {term.power}; give the wheel a parameter of its own"
+            )
+        if same is not term:
+            summed = sp.csc_array(same.matrix + term.matrix)
+            found[term.parameter, term.letter] = replace(same, matrix=summed)
+    return tuple(found.values())
 
 
 def _wheel(body: FEModel, wheel: str, keys: WheelKeys, momentum: NDArray[np.float64]) -> sp.csc_array:
