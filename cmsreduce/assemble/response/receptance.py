@@ -280,7 +280,8 @@ def _over_square(rigid: Real, omega: Real) -> Real:
 
 def _damps_rigid_motion(sub: Substructure) -> bool:
     """Tell if a damping matrix of the user acts on rigid motion, which is then not separate from elastic motion."""
-    if sub.D is None:
+    # A held body may have no coordinate at all.
+    if sub.D is None or not sub.rigid.size:
         return False
     size = spla.norm(sp.csc_array(sub.D), 1) * abs(sub.rigid).max(initial=0.0)
     return bool(abs(sub.D @ sub.rigid).max(initial=0.0) > DAMPED_RIGID * size)

@@ -54,6 +54,13 @@ def test_no_point_of_a_body_with_proportional_damping_is_solved(monkeypatch):
     assert not solved
 
 
+def test_a_held_body_without_a_mode_below_the_cutoff_stands_still():
+    """A damper that a parameter adds to it is a matrix of no rows."""
+    sub = replace(mast().narrowed(np.zeros(0, dtype=np.int64)), D=sp.csc_array((0, 0)))
+    assert receptances(sub, OMEGA, np.zeros((6, 0))).shape == (OMEGA.size, 6, 6)
+    assert not receptances(sub, OMEGA, np.zeros((6, 0))).any()
+
+
 def test_a_dashpot_couples_the_modes_and_two_points_are_solved(monkeypatch):
     solved = counted(monkeypatch)
     sub = mast()
