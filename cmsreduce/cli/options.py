@@ -274,7 +274,7 @@ check_options = _options(
         "tolerances",
         multiple=True,
         metavar="KEY=VALUE",
-        help="Largest change from the baseline: frequency, shape, mass, integrals, modes or errors.",
+        help="Largest change from the baseline: frequency, shape, mass, stiffness, modes, errors, ...",
     ),
     click.option("--junit", type=_PATH, help="Write the checks as JUnit XML."),
     click.option("--markdown", type=_PATH, help="Write the checks as a Markdown summary."),

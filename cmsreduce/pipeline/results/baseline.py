@@ -1,4 +1,4 @@
-"""Stored results, and the changes between two of them: frequencies, shapes, mass, integrals, damping, kept modes."""
+"""Stored results, and the changes between two of them: frequencies, shapes, mass, integrals, kept modes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import Finding
+from cmsreduce.pipeline.results.baseline_matrices import matrix_findings
 from cmsreduce.pipeline.results.baseline_rows import common_dofs, lost_or_new, row_findings
+from cmsreduce.pipeline.results.baseline_statements import statement_findings
 from cmsreduce.pipeline.results.limits import Tolerances
 from cmsreduce.pipeline.store import ORIGIN, read_origin
 from cmsreduce.read import expect_kind, file_kind
@@ -41,10 +43,6 @@ _INTEGRALS: Mapping[str, tuple[tuple[int, ...], str]] = {
     "r_phi": ((2,), "inertia"),
     "phi_phi": ((2, 3), "one"),
 }
-# Forces by rates, and the power of the frequency in them for a given ratio of damping or loss factor.
-_DAMPING: Mapping[str, float] = {"damping": 1.0, "gyroscopic": 1.0, "loss": 2.0}
-# Ratio of damping that is round-off of a damping matrix.
-_UNDAMPED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +233,8 @@ def _component(old: Modes, new: Modes, tolerances: Tolerances) -> Iterator[Findi
         yield Finding("mode shapes", worst, tolerances.shape, _worst_shape(pairs, new_hz))
     yield from row_findings(old_file, new_file, pairs, tolerances)
     yield from _integrals(old_file, new_file, pairs, tolerances)
-    yield from _damping(old_file, new_file, pairs, tolerances)
+    yield from matrix_findings(old_file, new_file, pairs, tolerances)
+    yield from statement_findings(old_file, new_file, tolerances)
 
 
 def _common_shapes(old: ComponentFile, new: ComponentFile) -> tuple[Array, Array]:
@@ -263,25 +262,6 @@ def _integrals(old: ComponentFile, new: ComponentFile, pairs: ModePairing, toler
         worst = max(changed, key=lambda name: changed[name])
         note = f"of {worst}" if changed[worst] else ""
         yield Finding("modal integrals", changed[worst], tolerances.integrals, note)
-
-
-def _damping(old: ComponentFile, new: ComponentFile, pairs: ModePairing, tolerances: Tolerances) -> Iterator[Finding]:
-    """Change of damping, gyroscopic forces and loss factor over the paired modes, relative to the largest ratio."""
-    omega, changed = old.omega[pairs.old + old.rigid_count], {}
-    for name, power in _DAMPING.items():
-        if any(f"modes/{name}" in file.arrays for file in (old, new)):
-            scale = omega ** (-0.5 * power)
-            ratios = [
-                file.arrays.get(f"modes/{name}", np.zeros((file.omega.size,) * 2))[
-                    np.ix_(at + file.rigid_count, at + file.rigid_count)
-                ]
-                * np.outer(scale, scale)
-                for file, at in ((old, pairs.old), (new, pairs.new))
-            ]
-            largest = max(float(abs(ratios[0]).max(initial=0.0)), _UNDAMPED)
-            changed[name] = integral_change(ratios[0], ratios[1], (0, 1), pairs.turn, largest)
-    worst = max(changed, key=lambda name: changed[name], default="")
-    yield Finding("damping", changed.get(worst, 0.0), tolerances.damping, f"of {worst}" if changed.get(worst) else "")
 
 
 def _over_pairs(file: ComponentFile, name: str, axes: Sequence[int], elastic: NDArray[np.int64]) -> Array | None:

@@ -38,6 +38,10 @@ class Tolerances:
         Change of a modal integral, relative to the largest value that the body's mass allows for it.
     damping : float
         Change of damping ratios, loss factors and gyroscopic forces of kept modes, relative to the largest.
+    stiffness : float
+        Change of geometric stiffness and of what parameters add, relative to what each does to the modes of an entry.
+    geometry : float
+        Change of a place, relative to the size of the body, and of a direction.
     modes : float
         Kept modes lost and gained.
     errors : float
@@ -51,6 +55,8 @@ class Tolerances:
     channels: float = 1e-3
     integrals: float = 1e-3
     damping: float = 1e-3
+    stiffness: float = 1e-3
+    geometry: float = 1e-6
     modes: float = 0.0
     errors: float = math.inf
 
