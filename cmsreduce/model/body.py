@@ -24,6 +24,7 @@ __all__ = ["FEModel", "Interface", "Recovery", "Source", "UntiedMass"]
 # A matrix must be symmetric to this multiple of the rounding of its file, or to the error of condensation, relative to
 # the largest entry: a missing triangle or a wrong matrix leaves order 1.
 _SYMMETRY_FACTOR = 1e4
+_PENALTY = 1e16  # of a row beside all others, which double precision has lost then
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,11 +270,11 @@ class FEModel:
         diagonal = A.diagonal()
         if diagonal.min(initial=0.0) < -limit:
             at = int(diagonal.argmin())
-            label = self.dofs.labels[at]
             raise MatrixError(
                 f"{where} is not positive semidefinite: its diagonal is {diagonal[at]:.6g} at row {at + 1} "
-                f"({label}). Check its sign and its source: a structure returns no more energy than it takes up"
+                f"({self.dofs.labels[at]}). Check its sign and its source: a structure returns only the energy it takes up"
             )
+        _refuse_penalties(A, self.dofs, where)
         return A if exact and A.data.all() else _combined(A, mirrored, 1.0, paired) * 0.5
 
     def __repr__(self) -> str:
@@ -334,3 +335,16 @@ def _combined(A: sp.csc_array, B: sp.csc_array, factor: float, paired: bool) -> 
         both = both.copy()
         both.eliminate_zeros()
     return both
+
+
+def _refuse_penalties(K: sp.csc_array, dofs: DofTable, where: str) -> None:
+    """Refuse rows that a huge number on the diagonal holds: beside it no other stiffness can be seen."""
+    if (diagonal := K.diagonal()).max(initial=0.0) <= _PENALTY * diagonal.min(initial=np.inf, where=diagonal > 0):
+        return
+    off = float(abs(sp.triu(K, 1).data).max(initial=0.0))
+    if off and (held := np.flatnonzero(diagonal > _PENALTY * off)).size:
+        raise MatrixError(
+            f"{where} holds {held.size} rows by a penalty, first {dofs.labels[held[0]]}: {diagonal[held[0]]:.3g} on "
+            f"the diagonal, {off:.3g} at most off it, as Abaqus writes supports. Write both matrices without supports, "
+            "or leave these rows out of both"
+        )

@@ -21,7 +21,7 @@ from cmsreduce.read.files import is_text, read_lines, read_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size, mirrored
 from cmsreduce.read.matrices import COORDINATE, LABELLED, read_entries
-from cmsreduce.read.printed_numbers import rounding_of_printed
+from cmsreduce.read.printed_numbers import number_of, rounding_of_printed
 
 __all__ = ["ABAQUS", "CALCULIX", "LONGEST_ID", "dof_list_beside", "read_dof_list"]
 
@@ -31,6 +31,8 @@ LONGEST_ID = 15
 _SKIPPED = "#%$*"  # first characters of comments, and of keywords of Abaqus
 _MARKS = tuple(mark.encode() for mark in _SKIPPED)
 _PLAIN_LIST = re.compile(r"(?:[0-9]{1,15}\.[0-6]\n)+[0-9]{1,15}\.[0-6]\n?")
+_KEYWORD = re.compile(rb"\s*\*\s*MATRIX", re.IGNORECASE)
+_FACTOR = re.compile(rb"SCALEFACTOR=([^,\n]*)")
 _DOF = re.compile(r"(\d+)(?:\s*[.,;]\s*|\s+)([0-6])")
 
 
@@ -55,9 +57,9 @@ def _coordinate_matrices(path: Path, format: str) -> list[StoredMatrix]:
 
 def _load(path: Path, format: str) -> LabelledMatrix:
     """Read the matrix of a coordinate text, labelled or not."""
-    text, symmetric = _entries_only(path)
+    text, symmetric, factor = _entries_only(path)
     if LABELLED.begins(text):
-        return _load_labelled(path, format, text, symmetric)
+        return _load_labelled(path, format, text, symmetric, factor)
     where, value, printed = read_entries(path, text, COORDINATE)
     if where.min() < 1:
         i, j = where[(where < 1).any(axis=1)][0]
@@ -65,14 +67,19 @@ def _load(path: Path, format: str) -> LabelledMatrix:
             f"{path}: there is an entry at row {i}, column {j}, but indices count from 1; if the writer counts from 0, "
             "let it write a Matrix Market or .npz file instead"
         )
+    if value.size > 1 and value[0] == value.size - 1 and (where[0] >= where[1:].max(axis=0)).all():
+        raise ReadError(
+            f"{path}: the first line, '{where[0, 0]} {where[0, 1]} {printed[0]}', states rows, columns and entries; a "
+            "text 'i j value' states none: delete that line, or begin the file with the header of Matrix Market"
+        )
     n = int(where.max())
     check_size(path, path.stem, n, n, len(text))
     A = _matrix(path, where - 1, value, n, lambda i: str(i + 1))
     return LabelledMatrix(mirrored(A), path.stem, path, format, rounding_of_printed(printed))
 
 
-def _load_labelled(path: Path, format: str, text: bytes, symmetric: bool) -> LabelledMatrix:
-    """Read entries that name nodes and dofs; the rows are sorted by node and dof."""
+def _load_labelled(path: Path, format: str, text: bytes, symmetric: bool, factor: float) -> LabelledMatrix:
+    """Read entries that name nodes and dofs, times a factor; the rows are sorted by node and dof."""
     where, value, printed = read_entries(path, text, LABELLED)
     node, dof = where[:, ::2], where[:, 1::2]
     bad = (dof < 0) | (dof > 6)
@@ -81,29 +88,36 @@ def _load_labelled(path: Path, format: str, text: bytes, symmetric: bool) -> Lab
             f"{path}: dof {dof[bad][0]} of node {node[bad][0]} is no displacement or rotation (1..6); temperatures, "
             "pressures and multipliers cannot be reduced: leave them out of the output"
         )
+    if (node < 1).any():
+        raise ReadError(
+            f"{path}: node {node[node < 1][0]} is one that Abaqus made for itself, such as for the multiplier of a "
+            "connector or a hybrid element, which is not reduced: leave these elements out; the scene takes joints and springs"
+        )
     keys, place = np.unique(node * KEY_STEP + dof, return_inverse=True)
     dofs = DofTable.from_keys(keys)
-    A = _matrix(path, place.reshape(node.shape), value, len(dofs), lambda i: dofs.labels[i])
+    A = _matrix(path, place.reshape(node.shape), factor * value, len(dofs), lambda i: dofs.labels[i])
     if symmetric:
         A = mirrored(A)
     return LabelledMatrix(A, path.stem, path, format, rounding_of_printed(printed), dofs)
 
 
-def _entries_only(path: Path) -> tuple[bytes, bool]:
-    """Text without comments and keywords, and whether one triangle may represent both.
+def _entries_only(path: Path) -> tuple[bytes, bool, float]:
+    """Text without comments and keywords, whether one triangle may represent both, and the factor of all entries.
 
     Their lines become empty, so that the other lines keep their numbers.
     """
     text = read_lines(path)
-    symmetric = True
+    symmetric, factor = True, 1.0
     if any(mark in text for mark in _MARKS):
         lines = text.split(b"\n")
-        keywords = [line.upper().replace(b" ", b"") for line in lines if line.startswith(b"*MATRIX")]
+        keywords = [line.upper().replace(b" ", b"") for line in lines if _KEYWORD.match(line)]
         if sum(b"MATRIXINPUT" in line for line in keywords) > 1:
             raise ReadError(f"{path}: holds several *MATRIX INPUT blocks; write each matrix to a file of its own")
         symmetric = not any(b"TYPE=UNSYMMETRIC" in line for line in keywords)
+        if found := _FACTOR.search(b"\n".join(keywords)):
+            factor = number_of(found[1].decode())
         text = b"\n".join(b"" if line.lstrip().startswith(_MARKS) else line for line in lines)
-    return text, symmetric
+    return text, symmetric, factor
 
 
 def _matrix(

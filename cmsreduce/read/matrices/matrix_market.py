@@ -1,7 +1,7 @@
 """Text with one matrix entry a line, integers and then a value; Matrix Market files, which have such lines.
 
-scipy reads the header of a Matrix Market file, and the numbers after the lines have been checked: if a file is cut
-inside a number, scipy's reader reads past the end of the file and crashes the process.
+scipy's reader of Matrix Market files is not used: if a file is cut inside a number, it reads past its end and
+crashes the process. It takes headers in the standard's capitals alone.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.files import read_lines, reading
+from cmsreduce.read.files import read_head, read_lines
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size
 from cmsreduce.read.numbers_at_once import INTEGER, REAL, numbers_of
@@ -31,6 +31,11 @@ _APART = r"[ \t\r,]"
 _MIRROR = {"general": 0.0, "symmetric": 1.0, "hermitian": 1.0, "skew-symmetric": -1.0}
 # Comments and empty lines, then the sizes.
 _HEAD = re.compile(rb"(?:[ \t\r]*(?:%[^\n]*)?\n)*[^\n]*\n?")
+_HEAD_BYTES = 1 << 20  # more than comments take
+# A file whose banner is misspelt must not pass as a text of entries, of which the sizes would be the first.
+_BANNER = re.compile(rb"(?:\xef\xbb\xbf)?\s*%{1,2}\s*MatrixMarket", re.IGNORECASE)
+_LAYOUTS = {"coordinate": 3, "array": 2}  # numbers in the line of sizes
+_FIELDS = ("real", "double", "integer", "complex", "pattern")
 
 
 @dataclass(frozen=True)
@@ -130,12 +135,9 @@ def _market_matrices(path: Path) -> list[StoredMatrix]:
     ------
     ReadError
         If the header is damaged, a size is absurd, or the file is a pattern without values. Loading raises it if
-        entries are missing, out of range, or do not parse.
+        entries are missing, out of range, or do not parse, or a symmetric matrix has entries in both triangles.
     """
-    from scipy.io import mminfo
-
-    with reading(path, "the Matrix Market header"):
-        rows, cols, count, layout, field, symmetry = mminfo(str(path))
+    layout, field, symmetry, (rows, cols, count) = _header(path)
     check_size(path, path.stem, rows, cols, path.stat().st_size)
     if field == "pattern":
         raise ReadError(f"{path}: the Matrix Market file is a pattern without values; write it with real values")
@@ -145,6 +147,24 @@ def _market_matrices(path: Path) -> list[StoredMatrix]:
     array = lengths.get(symmetry, rows * (rows + 1) // 2) if layout == "array" else None
     load = partial(_load, path, (rows, cols), count, array, symmetry, field in ("real", "double"))
     return [StoredMatrix(path.stem, numbers, symmetry, (rows, cols, count), load)]
+
+
+def _header(path: Path) -> tuple[str, str, str, tuple[int, int, int]]:
+    """Layout, field, symmetry, and rows, columns and entries as the header states them; capitals do not matter."""
+    head = read_head(path, _HEAD_BYTES).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    banner, _, rest = head.decode("utf-8-sig", errors="replace").lstrip().partition("\n")
+    found = _HEAD.match(rest.encode())
+    sizes = found[0].split(b"\n")[-2 if found[0].endswith(b"\n") else -1].split() if found else []
+    _, *words = banner.lower().removeprefix("%").removeprefix("%").split()
+    layout, field, symmetry = words[1:] if len(words) == 4 else ("", "", "")
+    known = layout in _LAYOUTS and field in _FIELDS and symmetry in _MIRROR
+    if not known or len(sizes) != _LAYOUTS[layout] or not all(word.isdigit() for word in sizes):
+        raise ReadError(
+            f"{path}: the Matrix Market header cannot be read; write '%%MatrixMarket matrix coordinate real symmetric' "
+            "(or array, integer, general, skew-symmetric), then rows, columns and, of coordinates, entries"
+        )
+    rows, cols, *entries = map(int, sizes)
+    return layout, field, symmetry, (rows, cols, entries[0] if entries else rows * cols)
 
 
 def _load(
@@ -172,10 +192,22 @@ def _load(
     sign = _MIRROR[symmetry]
     if sign:
         off = row != col
+        _refuse_both(path, row[off] * shape[1] + col[off], col[off] * shape[1] + row[off], shape[1])
         row, col = np.concatenate([row, col[off]]), np.concatenate([col, row[off]])
         value = np.concatenate([value, sign * value[off]])
     rounding = rounding_of_printed(printed) if rounded else DOUBLE
     return LabelledMatrix(canonical(row, col, value, shape), path.stem, path, "matrix-market", rounding)
+
+
+def _refuse_both(path: Path, place: NDArray[np.int64], across: NDArray[np.int64], cols: int) -> None:
+    """Refuse entries on both sides of the diagonal of a symmetric matrix, each of which stands for both."""
+    both = np.intersect1d(place, across)
+    if both.size:
+        i, j = divmod(int(both[0]), cols)
+        raise ReadError(
+            f"{path}: the header says that one triangle stands for both, but it names row {i + 1}, column {j + 1} "
+            f"and row {j + 1}, column {i + 1}; write one triangle, or 'general' in the header"
+        )
 
 
 def _array_places(shape: tuple[int, int], symmetry: str) -> NDArray[np.int64]:
@@ -190,7 +222,7 @@ def _array_places(shape: tuple[int, int], symmetry: str) -> NDArray[np.int64]:
 MATRIX_MARKET = MatrixFormat(
     "matrix-market",
     "Matrix Market",
-    lambda path, head: head.decode("utf-8-sig", errors="replace").startswith("%%MatrixMarket"),
+    lambda path, head: _BANNER.match(head) is not None,
     _market_matrices,
     named=False,
 )

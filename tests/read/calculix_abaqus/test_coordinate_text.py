@@ -50,8 +50,10 @@ def test_triangles_and_ways_to_print(
         ("", "{i},1, {j},1, {v:.15e}", K, K),
         ("** Abaqus\n*MATRIX INPUT, NAME=K\n", "{i},1, {j},1, {v:.15e}", np.tril(K), K),
         ("*MATRIX INPUT, NAME=K, TYPE=UNSYMMETRIC\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
+        (" *matrix input, name=K, type=unsymmetric\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
+        ("*MATRIX INPUT, NAME=K, SCALE FACTOR=2.5D0\n", "{i},1, {j},1, {v:.15e}", np.tril(K), 2.5 * K),
     ],
-    ids=["labels", "triangle", "unsymmetric"],
+    ids=["labels", "triangle", "unsymmetric", "small letters", "factor"],
 )
 def test_abaqus_with_labels(tmp_path: Path, head: str, pattern: str, part: np.ndarray, expected: np.ndarray) -> None:
     path = tmp_path / "body.mtx"
@@ -115,6 +117,8 @@ def test_dof_list_that_does_not_fit(tmp_path: Path) -> None:
         ("1 1 2.0000000e+00\n2 2 3.0000000e+00\n3 3 4.00000", r"ends inside its last number, '4\.00000'"),
         ("1 1 2.0\n0 1 1.0\n", "row 0, column 1, but indices count from 1"),
         ("1 1 2.0\n1 2 1.0\n1 2 4.0\n", "row 1, column 2 appears 2 times"),
+        ("3 3 4\n1 1 2.0\n1 2 1.0\n2 2 4.0\n3 3 1.0\n", "first line, '3 3 4', states rows, columns and entries"),
+        ("-1,1, 5,1, 2.0\n5,1, 5,1, 3.0\n", "node -1 is one that Abaqus made for itself"),
         ("1 1 2.0\n1 900000000000 1.0\n", "claims 900000000000 x 900000000000 in a file of"),
         ("1,1, 1,1, 2.0\n1,1, 5,11, 3.0\n", "dof 11 of node 5 is no displacement"),
         ("1,1, 1,1, 2.0\n1,1, 1,1, 3.0\n", r"row 1\.1, column 1\.1 appears 2 times"),

@@ -51,6 +51,7 @@ def test_rounding_is_that_of_the_print(tmp_path: Path) -> None:
         (HEAD + "1 1 2.0\n2 2 3.O\n", "line 5.*: '2 2 3.O' is not an entry"),
         # scipy's own reader ends the process on such a file.
         (HEAD + "1 1 2.0\n2 2 6.7976501741784666E", "line 5 .the last of the file, so it is probably truncated"),
+        (HEAD.replace("general", "symmetric") + "2 1 2.0\n1 2 2.0\n", "names row 1, column 2 and row 2, column 1"),
         (HEAD.replace("3 3 2", "3 x 2"), "header cannot be read"),
         (HEAD.replace("3 3 2", "3 900000000000 2") + "1 1 1.0\n", "claims 3 x 900000000000"),
         (HEAD.replace("coordinate", "array").replace("3 3 2", "9000000 9000000") + "1.0\n", "says 81000000000000"),
@@ -64,3 +65,15 @@ def test_damage_is_named(tmp_path: Path, text: str, message: str) -> None:
     path.write_text(text)
     with pytest.raises(ReadError, match=message):
         read_matrix(path)
+
+
+@pytest.mark.parametrize(
+    "banner",
+    ["%%MATRIXMARKET MATRIX COORDINATE REAL SYMMETRIC", "%MatrixMarket matrix coordinate real symmetric"],
+)
+@pytest.mark.parametrize(("encoding", "end"), [("utf-8", "\n"), ("utf-8-sig", "\r\n"), ("utf-8", "\r")])
+def test_the_sizes_are_no_entry_whatever_the_banner(tmp_path: Path, banner: str, encoding: str, end: str) -> None:
+    text = f"{banner}\n% comment\n\n3 3 2\n1 1 2.0\n2 1 5.0\n"
+    path = tmp_path / "body.mtx"
+    path.write_bytes(text.replace("\n", end).encode(encoding))
+    assert np.array_equal(read_matrix(path).A.toarray(), [[2, 5, 0], [5, 0, 0], [0, 0, 0]])
