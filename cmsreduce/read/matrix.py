@@ -133,12 +133,14 @@ def matrix_names(path: Path, format: str | None = None) -> list[MatrixInfo]:
     Raises
     ------
     ReadError
-        As ``read_matrix``, for errors that the headers show.
+        As ``read_matrix``, for errors that the headers show; the reason if no variable of the file is a matrix.
     """
     path = Path(path)
     chosen = _format_of(path, format)
     with reading(path, f"the file ({chosen.words})"):
-        return [stored.info for stored in _numbered(chosen.read(path)) if stored.usable]
+        stored = chosen.read(path)
+        _refuse_unusable(stored)
+        return [one.info for one in _numbered(stored) if one.usable]
 
 
 def _format_of(path: Path, name: str | None) -> MatrixFormat:
@@ -163,6 +165,12 @@ def _numbered(stored: list[StoredMatrix]) -> list[StoredMatrix]:
     return found
 
 
+def _refuse_unusable(stored: list[StoredMatrix]) -> None:
+    """Give the reason of the first variable that is no matrix, if a file has such variables alone."""
+    if stored and not any(one.usable for one in stored):
+        stored[0].load()
+
+
 def _choose(path: Path, stored: list[StoredMatrix], wanted: str | None, format: MatrixFormat) -> StoredMatrix:
     """The matrix of a name, or the only one; an empty name is none."""
     usable = [one for one in stored if one.usable]
@@ -172,6 +180,7 @@ def _choose(path: Path, stored: list[StoredMatrix], wanted: str | None, format: 
         if len(usable) == 1:
             return usable[0]
         if not usable:
+            _refuse_unusable(stored)
             raise ReadError(f"{path}: there is no matrix in it ({format.words})")
         raise ReadError(f"{path}: holds {len(usable)} matrices, name one with `matrix:`: {listed}")
     exact = [one for one in stored if one.name == wanted]

@@ -91,7 +91,7 @@ def _load_labelled(path: Path, format: str, text: bytes, symmetric: bool, factor
     if (node < 1).any():
         raise ReadError(
             f"{path}: node {node[node < 1][0]} is one that Abaqus made for itself, such as for the multiplier of a "
-            "connector or a hybrid element, which is not reduced: leave these elements out; the scene takes joints and springs"
+            "connector or a hybrid element, which is not reduced: leave these elements out"
         )
     keys, place = np.unique(node * KEY_STEP + dof, return_inverse=True)
     dofs = DofTable.from_keys(keys)

@@ -97,8 +97,8 @@ def _variable(path: Path, name: str) -> Any:
 
 def _refuse(path: Path, name: str, kind: str, shape: tuple[int, ...]) -> LabelledMatrix:
     """Raise the reason why a variable cannot be a matrix."""
-    size = " x ".join(map(str, shape))
-    raise ReadError(f"{path}: variable '{name}' is a {size} {kind}, not a matrix; save the matrix as a variable itself")
+    size = f"{' x '.join(map(str, shape))} " if shape else ""
+    raise ReadError(f"{path}: variable '{name}' is a {size}{kind}, not a matrix; save the matrix as a variable itself")
 
 
 def _hdf5_matrices(path: Path) -> list[StoredMatrix]:

@@ -161,3 +161,19 @@ def test_iss(shared_data: Path) -> None:
     assert np.array_equal(found[:135, 135:].toarray(), np.eye(135))
     frequency = np.sqrt(-found[135:, :135].diagonal())
     assert -found[135:, 135:].diagonal() == pytest.approx(2 * 0.005 * frequency, rel=1e-9)
+
+
+def test_a_file_without_matrices_says_what_its_variable_is(tmp_path: Path) -> None:
+    level_7, level_5, pickled = (tmp_path / name for name in ("new.mat", "old.mat", "body.npy"))
+    with h5py.File(level_7, "w", userblock_size=512) as file:
+        file.create_group("model").attrs["MATLAB_class"] = np.bytes_("struct")
+    scipy.io.savemat(level_5, {"K": np.eye(3) != 0})
+    np.save(pickled, np.array([None]), allow_pickle=True)
+    for path, message in (
+        (level_7, "variable 'model' is a struct, not a matrix; save the matrix as a variable itself"),
+        (level_5, "variable 'K' is a 3 x 3 logical, not a matrix"),
+        (pickled, "'body' holds pickled Python objects"),
+    ):
+        for read in (matrix_names, read_matrix):
+            with pytest.raises(ReadError, match=message):
+                read(path)
