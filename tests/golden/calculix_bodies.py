@@ -226,9 +226,9 @@ def body(name, held):
     return deck.text()
 
 
-def solve(folder: Path, name: str, text: str, matrices: bool, modes: int = 12) -> list[float]:
+def solve(folder: Path, name: str, text: str, matrices: bool, modes: int = 12, output: str = "") -> list[float]:
     """Run CalculiX; its frequencies in Hz, or none if it stores the matrices."""
-    step = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n10\n" if matrices else f"*FREQUENCY\n{modes}\n*NODE FILE\nU\n"
+    step = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n10\n" if matrices else f"*FREQUENCY\n{modes}\n*NODE FILE{output}\nU\n"
     for file, content in _written(name, text + f"*STEP\n{step}*END STEP\n").items():
         (folder / file).write_bytes(content)
     if matrices:

@@ -42,6 +42,25 @@ def test_sections(tmp_path, section, old, new):
     assert abs(found[0].K - found[1].K).max() <= 1e-9 * abs(found[0].K).max()
 
 
+@pytest.mark.parametrize(
+    ("deck", "old", "offset"),
+    [
+        (Deck().plate("S4", (3, 2), (0, 0, 0), (1, 0, 0.2), (0, 0.4, 0)), "*SHELL SECTION", ", OFFSET=0.5"),
+        (Deck().plate("S8R", (3, 2), (0, 0, 0), (1, 0, 0.2), (0, 0.4, 0)), "*SHELL SECTION", ", OFFSET=-0.3"),
+        (Deck().beam("B32R", 3, lambda t: (t, 0, 0.1 * t)), "*BEAM SECTION", ", OFFSET1=0.4, OFFSET2=-0.25"),
+        (Deck().beam("B31", 3, lambda t: (t, 0, 0.1 * t)), "*BEAM SECTION", ", OFFSET1=0.4"),
+        (Deck("CIRC\n0.02, 0.02").beam("B32", 3, lambda t: (t, 0, 0.1 * t)), "*BEAM SECTION", ", OFFSET1=0.4"),
+    ],
+    ids=["S4", "S8R", "B32R", "B31", "round"],
+)
+def test_offset_sections_lie_where_calculix_puts_them(tmp_path, deck, old, offset):
+    text = deck.text().replace(old, old + offset)
+    solve(tmp_path, "bar", text, matrices=True)
+    solve(tmp_path, "solid", text, matrices=False, modes=1, output=", OUTPUT=3D")
+    ours, theirs = (read_geometry(tmp_path / name).nodes for name in ("bar.inp", "solid.frd"))
+    assert abs(ours.xyz[ours.index(theirs.id)] - theirs.xyz).max() <= theirs.xyz_rounding <= 5e-6
+
+
 @pytest.mark.parametrize(("kind", "words"), [("CPS4", "a plane stress element"), ("CAX4", "an axisymmetric element")])
 def test_elements_in_a_plane_are_refused_by_name(tmp_path, kind, words):
     text = Deck().plate("S4", (3, 2), (1, 0, 0), (1, 0, 0), (0, 0.4, 0)).text()

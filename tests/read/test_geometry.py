@@ -119,6 +119,10 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
             "*NODE\n1,0.\n*TRANSFORM, NSET=1, TYPE=C\n*BOUNDARY\n1, 2\n",
             "node 1 is held in .* a local system",
         ),
+        (
+            "*NODE\n1,0.\n*CYCLIC SYMMETRY MODEL, N=4, TIE=T1\n0.,0.,0.,0.,0.,1.\n",
+            r"line 3: \*CYCLIC SYMMETRY MODEL: the matrices are those of one sector.* mesh the whole body",
+        ),
         ("*NODE, SYSTEM=C\n1,0.\n", "write rectangular ones"),
         ("*HEADING\n*STEP\n", "there are no nodes in it"),
         ("*INCLUDE, INPUT=gone.inp\n", "gone.inp: cannot be read: No such file"),
@@ -129,6 +133,13 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
 def test_input_that_would_give_wrong_nodes_is_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ReadError, match=message):
         read_geometry(write(tmp_path, "model.inp", text))
+
+
+def test_a_node_held_along_all_axes_of_its_own_is_held(tmp_path: Path) -> None:
+    text = "*NODE\n1,0.\n2,1.\n*NSET, NSET=E\n1, 2\n*TRANSFORM, NSET=E, TYPE=C\n0.,0.,0.,0.,0.,1.\n*BOUNDARY\n1, 1, 3\n"
+    constrained = read_geometry(write(tmp_path, "model.inp", text)).constrained
+    assert constrained is not None
+    assert constrained.labels == ["1.1", "1.2", "1.3"]
 
 
 def test_other_meshes_are_numbered_from_one(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) 
     Raises
     ------
     ReadError
-        If a line names no components, or a node is held along axes of its own.
+        If a line names no components, or a node is held along one or two axes of its own.
 
     Notes
     -----
@@ -64,8 +64,9 @@ def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) 
     turned = {
         node: block for block in deck if block.keyword == "TRANSFORM" for node in sets.nodes_of(block.option("NSET"))
     }
-    for node in dict.fromkeys(node for node, _ in held):
-        if node in turned:
+    for node in turned:
+        # Held along all three axes, it is held along any.
+        if any(sum((node, axis) in held for axis in axes) in (1, 2) for axes in ((1, 2, 3), (4, 5, 6))):
             raise ReadError(
                 f"{turned[node].where}: node {node} is held in degrees of freedom in a local system, which are not "
                 "read; give the geometry as a mesh with plain nodes, such as a .frd file, with `grounded: true`"

@@ -151,7 +151,7 @@ def _read_input(path: Path) -> Geometry:
     ------
     ReadError
         If a node repeats with other coordinates (instances that share numbers), nodes are generated, turned or given
-        in a local system, or there are none.
+        in a local system, there are none, or the deck is one sector of a body.
     """
     parts: dict[str, Coordinates] = {}
     nodes: Coordinates = {}
@@ -163,6 +163,11 @@ def _read_input(path: Path) -> Geometry:
             raise ReadError(
                 f"{block.where}: {_UNREAD[block.keyword]} are not read; give the geometry as a mesh with plain nodes, "
                 "such as a flattened input file or .frd"
+            )
+        if block.keyword == "CYCLIC SYMMETRY MODEL":
+            raise ReadError(
+                f"{block.where}: the matrices are those of one sector, whose sides are tied to each other, and no body "
+                "that moves by itself; mesh the whole body"
             )
         if block.keyword == "PART":
             target = parts.setdefault(block.option("NAME"), {})

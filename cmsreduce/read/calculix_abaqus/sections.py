@@ -43,7 +43,10 @@ _ADVICE = "is not read; give the .frd file of a run with *NODE FILE as geometry,
 
 @dataclass(frozen=True)
 class _Section:
-    """Section of shells (thickness alone) or of beams: thickness and offset along two axes, the first axis."""
+    """Section of shells (thickness alone) or of beams: thickness and offset along two axes, the first axis.
+
+    An offset places the node in the section: the section lies on the other side of it.
+    """
 
     thickness: tuple[float, ...]
     offset: tuple[float, ...]
@@ -138,9 +141,9 @@ def _across(section: _Section, number: NDArray[np.int64], beam: bool) -> Array:
     """Places of the expanded nodes of one node along the axes (k, 2 or 1); ``number`` counts them within the node."""
     t, offset = np.array(section.thickness), np.array(section.offset)
     if not beam:
-        return np.asarray(((number - (SHELL_NODES - 1) / 2) / 2 + offset)[:, None] * t)
+        return np.asarray(((number - (SHELL_NODES - 1) / 2) / 2 - offset)[:, None] * t)
     places = _SECTION * _ROUND if section.round else _SECTION
-    return np.asarray((places[number] / 2 + offset) * t)
+    return np.asarray((places[number] / 2 - offset) * t)
 
 
 def _sections(deck: Sequence[Block], sets: DeckSets) -> dict[int, _Section]:
