@@ -84,7 +84,9 @@ def particles(size: float = 0.3, *, blind: bool = False, static: bool = False) -
         arrays[f"interfaces/{name}/node"] = np.repeat(node, 6)
         arrays[f"interfaces/{name}/component"] = np.arange(1, 7)
         arrays[f"interfaces/{name}/shapes"] = np.vstack([node_u[row], node_v[row]])
-    file = ComponentFile("cloud", "none", 0, int(static), arrays, {}, {"": {"name": "cloud"}}, ())
+    metres = {"name": "m-kg-s", "length_in_si": 1.0, "mass_in_si": 1.0, "time_in_si": 1.0}
+    attributes = {"": {"name": "cloud"}, "units": metres}
+    file = ComponentFile("cloud", "none", 0, int(static), arrays, {}, attributes, ())
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     axes *= np.linalg.det(axes)
     origin = np.array([0.3, -0.2, 0.5])

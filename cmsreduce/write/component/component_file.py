@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError, WriteError
-from cmsreduce.model import Finding, ParameterTerm, Values, hdf5_items, parameter_label
+from cmsreduce.model import Finding, ParameterTerm, Units, Values, hdf5_items, parameter_label
 from cmsreduce.write.component.layout import LETTERS, fault, not_finite
 from cmsreduce.write.seal import SEAL, SEALED_ITEMS, broken_seal, content_digests
 
@@ -66,6 +66,12 @@ class ComponentFile:
     def omega(self) -> NDArray[np.float64]:
         """Natural frequencies in rad per unit of time, NaN for static modes (m,)."""
         return self.arrays["modes/omega"]
+
+    @property
+    def units(self) -> Units:
+        """Units of all numbers."""
+        facts = self.attributes["units"]
+        return Units(str(facts["name"]), *(float(facts[f"{what}_in_si"]) for what in ("length", "mass", "time")))
 
     @property
     def elastic(self) -> slice:

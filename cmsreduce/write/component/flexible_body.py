@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import INERTIA_LOADS, SQUARES, UNDETERMINED, ModalIntegrals, ModalStiffening, SecondOrder
+from cmsreduce.model import INERTIA_LOADS, SQUARES, UNDETERMINED, ModalIntegrals, ModalStiffening, SecondOrder, Units
 from cmsreduce.write.component.component_file import ComponentFile
 from cmsreduce.write.component.integrals import stored_stiffening
 
@@ -87,6 +87,34 @@ class FlexibleBody:
         """Integral of phi_a x phi_b over the mass: entry [axis, a, b] (3, k, k)."""
         P = self.integrals.phi_phi
         return np.stack([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
+
+    def in_si(self, units: Units) -> FlexibleBody:
+        """The body in metres, kilograms and seconds, from other units; a modal mass of 1 becomes 1 kg m^2."""
+        # Modal coordinates grow by the root of the unit of mass times that of length.
+        shape = 1 / np.sqrt(units.mass)
+        at, length = self.integrals, units.length
+        integrals = replace(
+            at,
+            origin=at.origin * length,
+            mass=at.mass * units.mass,
+            first_moment=at.first_moment * units.mass * length,
+            inertia=at.inertia * units.mass * length**2,
+            phi=at.phi * units.mass * shape,
+            r_cross_phi=at.r_cross_phi * units.mass * length * shape,
+            second_order=replace(at.second_order, r_phi=at.r_phi * units.mass * length * shape)
+            if at.second_order is not None
+            else None,
+        )
+        return replace(
+            self,
+            integrals=integrals,
+            stiffness=self.stiffness / units.time**2,
+            damping=self.damping / units.time,
+            omega=self.omega / units.time,
+            position=self.position * length,
+            translation=self.translation * shape,
+            rotation=self.rotation * (shape / length),
+        )
 
     @property
     def static_count(self) -> int:

@@ -50,7 +50,7 @@ def write_extptfm(path: Path, component: ComponentFile, dialect: str = EXTPTFM_D
         )
     body = framed_superelement(component)
     at = int(np.flatnonzero(component.arrays["nodes/id"] == nodes[0])[0])
-    place = component.arrays["nodes/xyz"][at] * float(component.attributes["units"]["length_in_si"])
+    place = component.arrays["nodes/xyz"][at] * component.units.length
     put_lines(path, _lines(component.name, body, place, old=dialect == "openfast-4"))
 
 

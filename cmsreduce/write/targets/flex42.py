@@ -36,7 +36,8 @@ def write_42(
 
     42 numbers joints over the whole spacecraft. Without ``joints``, the file numbers the body's interfaces from 0 in
     alphabetical order, one node each, and names them. Analysis nodes are the nodes of the file, numbered from 0 in the
-    order of their ids, at their positions from the origin of the integrals.
+    order of their ids, at their positions from the origin of the integrals. Numbers are in metres, kilograms and
+    seconds, as 42 needs them, whatever the units of the component file.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def write_42(
         If the component file lacks data, a mode has no mass, an interface has several nodes or is not one of the body,
         or a file cannot be written.
     """
-    body = flexible_body(component, integrals)
+    body = flexible_body(component, integrals).in_si(component.units)
     require_mass(body, "42 divides by the modal mass")
     _, nodes = files_42(path)
     put_lines(path, _lines(body, _joints(body, joints)))

@@ -83,7 +83,7 @@ def _lines(component: ComponentFile, body: Superelement) -> Iterator[str]:
     labels = [*zip(body.interface.node.tolist(), body.interface.component.tolist(), strict=True)]
     yield f"$ Flexible body {component.name} for /FXBODY of Radioss: kg, m, s, along the basic axes"
     yield "$ node_IDm of the card is a node of its own, without elements; these nodes are in the model at:"
-    length = float(component.attributes["units"]["length_in_si"])
+    length = component.units.length
     for node in body.interface.node[::_SIX]:
         place = component.arrays["nodes/xyz"][component.arrays["nodes/id"] == node][0] * length
         yield f"$ {node:10d}" + "".join(f"{x:20.13g}" for x in place)

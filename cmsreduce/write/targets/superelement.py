@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import SCALAR, DofTable, Units
+from cmsreduce.model import SCALAR, DofTable
 from cmsreduce.write.component import ComponentFile
 
 __all__ = ["Superelement", "framed_superelement", "superelement"]
@@ -129,8 +129,8 @@ def framed_superelement(component: ComponentFile, faces: Collection[str] | None 
             f"component '{component.name}': a shape without mass is damped, so that it lags behind its load; give the "
             "body modal damping, which does not act on such shapes"
         )
-    units = Units("", *(float(component.attributes["units"][f"{what}_in_si"]) for what in ("length", "mass", "time")))
-    T = _to_basic_metres(component, body, units)[:, kept]
+    units = component.units
+    T = _to_basic_metres(component, body)[:, kept]
     K, M, D = (None if A is None else _change(A, T) for A in (body.K, body.M, body.D))
     assert K is not None and M is not None
     energy = units.mass * units.length**2
@@ -154,9 +154,9 @@ def _require_frames(component: ComponentFile, interface: DofTable) -> None:
             )
 
 
-def _to_basic_metres(component: ComponentFile, body: Superelement, units: Units) -> Array:
+def _to_basic_metres(component: ComponentFile, body: Superelement) -> Array:
     """Dofs of the file from those in basic axes, metres, radians and unit modal masses of kg m^2 (i + q, i + q)."""
-    T = np.zeros_like(body.K)
+    T, units = np.zeros_like(body.K), component.units
     for first in range(0, len(body.interface), _SIX):
         at = component.arrays["nodes/id"] == body.interface.node[first]
         axes = component.arrays["nodes/frame"][at][0]

@@ -107,6 +107,28 @@ def test_shapes_and_matrices(tmp_path: Path) -> None:
     assert not f["start"].any()
 
 
+def test_numbers_are_in_si(tmp_path: Path) -> None:
+    """A body of particles in millimetres, tonnes and milliseconds: 42 reads metres, kilograms and seconds."""
+    body = particles(0.0)
+    units = {"name": "mm-t-ms", "length_in_si": 1e-3, "mass_in_si": 1e3, "time_in_si": 1e-3}
+    small = replace(body.file, attributes=body.file.attributes | {"units": units})
+    flex, nodes = write_42(tmp_path / "Flex_cloud.txt", small, body.integrals)
+    f = read(flex, 2, 7)
+    m = 1e3 * body.node_m
+    x = np.array([row.split('"')[0].split() for row in nodes.read_text().splitlines()[4:]], dtype=float)
+    np.testing.assert_allclose(x, 1e-3 * body.node_x, rtol=0, atol=1e-17)
+    u, v = (np.transpose(f[f"Analysis {kind}"], (1, 2, 0)) for kind in ("PSI", "THETA"))
+    # The same motion: a metre is a thousand millimetres, a radian is a radian.
+    np.testing.assert_allclose(v / u, 1e3 * body.node_v / body.node_u, rtol=1e-12)
+    np.testing.assert_allclose(f["Mass"], np.einsum("n,nia,nib->ab", m, u, u), atol=1e-13)
+    np.testing.assert_allclose(f["Stiffness"], f["Mass"] @ np.diag((1e3 * body.omega) ** 2), atol=1e-4)
+    np.testing.assert_allclose(f["Damping"], f["Mass"] @ np.diag(0.02e3 * body.omega), atol=1e-9)
+    np.testing.assert_allclose(f["Pf"], np.einsum("n,nia->ia", m, u), rtol=1e-11)
+    np.testing.assert_allclose(f["Hf"], np.einsum("n,nia->ia", m, np.cross(x[:, :, None], u, axis=1)), rtol=1e-11)
+    np.testing.assert_allclose(f["L"], np.einsum("n,ni,nja->ija", m, x, u), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(f["N"], np.einsum("n,nia,njb->ijab", m, u, u), rtol=0, atol=1e-13)
+
+
 def test_numbers_of_the_spacecrafts_joints_and_the_file_of_nodes(tmp_path: Path) -> None:
     """Joint 4 alone is at this body; its nodes are where 42 looks for the analysis nodes, in their order."""
     body = particles()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cmsreduce.model import DOF_NAMES, SCALAR, Units
+from cmsreduce.model import DOF_NAMES, SCALAR
 from cmsreduce.write.component import ComponentFile
 from cmsreduce.write.targets.fmi.linear_model import LinearModel, Port
 from cmsreduce.write.targets.fmi.unit import write_unit
@@ -30,8 +30,7 @@ def write_body_unit(path: Path, component: ComponentFile, version: str) -> None:
     WriteError
         If the body has no state space (`component_states`), or as `write_unit`.
     """
-    states, facts = component_states(component), component.attributes["units"]
-    units = Units(str(facts["name"]), *(float(facts[f"{what}_in_si"]) for what in ("length", "mass", "time")))
+    states, units = component_states(component), component.units
     forces, motions = _ports(component, ("force", "torque")), _ports(component, ("translation", "rotation"))
     model = LinearModel(
         name=component.name,
