@@ -26,6 +26,7 @@ __all__ = [
     "fixed_texts",
     "hdf5_file",
     "number",
+    "of_one_stem",
     "put",
     "put_json",
     "put_lines",
@@ -123,6 +124,20 @@ def _alive(pid: int) -> bool:
     except PermissionError:
         return True
     return True
+
+
+def of_one_stem(path: Path, *suffixes: str) -> tuple[Path, ...]:
+    """Files of one stem. A path keeps a suffix that is none of theirs, so that ``v1.2`` and ``v1.3`` stay apart.
+
+    Examples
+    --------
+    >>> [file.name for file in of_one_stem(Path("panel.op4"), ".op4", ".bdf")]
+    ['panel.op4', 'panel.bdf']
+    >>> [file.name for file in of_one_stem(Path("panel.v2"), ".op4", ".bdf")]
+    ['panel.v2.op4', 'panel.v2.bdf']
+    """
+    stem = path.stem if path.suffix.lower() in suffixes else path.name
+    return tuple(path.with_name(stem + suffix) for suffix in suffixes)
 
 
 def put_lines(path: Path, lines: Iterable[str]) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import WriteError
 from cmsreduce.model import SCALAR
 from cmsreduce.write.component import ComponentFile
-from cmsreduce.write.files import atomic_path, put_lines
+from cmsreduce.write.files import atomic_path, of_one_stem, put_lines
 from cmsreduce.write.targets.superelement import Superelement, superelement
 
 __all__ = ["NASTRAN_MARK", "entries", "nastran_files", "write_nastran"]
@@ -19,6 +19,7 @@ __all__ = ["NASTRAN_MARK", "entries", "nastran_files", "write_nastran"]
 NASTRAN_MARK = "$ Superelement of "
 """Beginning of the deck."""
 
+_LARGE = 9.9999999995e99  # its exponent has three digits in print
 _SYMMETRIC = 6  # form of a matrix in OP4 and DMIG
 _LARGEST_ID = 99_999_999  # eight digits, a field of a card
 # Axes that differ from the basic ones by less are the basic ones: round-off of products.
@@ -31,7 +32,7 @@ _DMIG = {"KAA": "K2GG", "MAA": "M2GG", "BAA": "B2GG", "K4AA": "K42GG"}
 
 def nastran_files(path: Path) -> tuple[Path, ...]:
     """Matrices, DMIG entries and deck of one stem."""
-    return path.with_suffix(".op4"), path.with_suffix(".pch"), path.with_suffix(".bdf")
+    return of_one_stem(path, ".op4", ".pch", ".bdf")
 
 
 def write_nastran(path: Path, component: ComponentFile) -> tuple[Path, ...]:
@@ -75,7 +76,7 @@ def write_nastran(path: Path, component: ComponentFile) -> tuple[Path, ...]:
 
 def _scalar_points(component: ComponentFile, body: Superelement) -> list[int]:
     first = int(body.interface.node.max()) + 1
-    if first + body.omega.size > _LARGEST_ID:
+    if first + body.omega.size - 1 > _LARGEST_ID:
         raise WriteError(
             f"component '{component.name}': node {first - 1} leaves no ids of eight digits for {body.omega.size} "
             "scalar points; number its interface nodes lower"
@@ -96,8 +97,12 @@ def entries(matrices: Mapping[str, NDArray[np.float64]], labels: list[tuple[int,
 
 
 def _double(value: float) -> str:
-    """Sixteen characters with an exponent of two digits; smaller numbers are zero."""
-    return f"{value if abs(value) > 1e-99 else 0.0:16.9E}".replace("E", "D")
+    return _wide(value).replace("E", "D")
+
+
+def _wide(value: float) -> str:
+    """Sixteen characters, a field of a card; numbers below 1e-99 are zero, and from 1e100 on nine digits remain."""
+    return f"{value:16.8E}" if abs(value) > _LARGE else f"{value if abs(value) > 1e-99 else 0.0:16.9E}"
 
 
 def _cards(
@@ -132,10 +137,10 @@ def _grid(component: ComponentFile, grid: int, number: int) -> Iterator[str]:
     own = abs(axes - np.eye(3)).max() > _BASIC
     if own:
         points = np.concatenate([np.zeros(3), axes[2], axes[0]])
-        fields = "".join(f"{value:16.9E}" for value in points)
+        fields = "".join(_wide(value) for value in points)
         yield f"CORD2R* {number:16d}{0:16d}{fields[:32]}"
         for start in range(32, len(fields), 64):
             yield f"*       {fields[start : start + 64]}"
-    x, y, z = (f"{value:16.9E}" for value in xyz)
+    x, y, z = (_wide(value) for value in xyz)
     yield f"GRID*   {grid:16d}{0:16d}{x}{y}"
     yield f"*       {z}{number if own else 0:16d}"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
 from cmsreduce.write.component import ComponentFile
-from cmsreduce.write.files import put_lines
+from cmsreduce.write.files import of_one_stem, put_lines
 from cmsreduce.write.targets.state_space import write_matlab
 from cmsreduce.write.targets.superelement import Superelement, framed_superelement
 
@@ -32,9 +32,10 @@ Array = NDArray[np.float64]
 
 def simscape_files(path: Path) -> tuple[Path, ...]:
     """Script and data of one stem: that of the path, made a name that MATLAB can run."""
-    stem = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    script, data = of_one_stem(path, ".m", ".mat")
+    stem = re.sub(r"\W", "_", script.stem, flags=re.ASCII)
     stem = stem if stem[:1].isalpha() else f"m{stem}"
-    return path.with_name(f"{stem}.m"), path.with_name(f"{stem}.mat")
+    return script.with_stem(stem), data.with_stem(stem)
 
 
 def write_simscape(path: Path, component: ComponentFile) -> tuple[Path, ...]:
@@ -100,7 +101,7 @@ def _frames(component: ComponentFile, body: Superelement) -> dict[str, Array | l
 
     vector_first = Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat(canonical=True)
     return {
-        "P": component.arrays["nodes/xyz"][at] * float(component.attributes["units"]["length_in_si"]),
+        "P": component.arrays["nodes/xyz"][at] * component.units.length,
         "Q": np.roll(vector_first, 1, axis=1),
         # One frame serves all interfaces of a node, along the axes of the first.
         "frames": [" and ".join(f"{name}.{node}" for name in own) for own, node in zip(names, nodes, strict=True)],
