@@ -17,7 +17,7 @@ from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
 from cmsreduce.write.files import number, put_lines
 from cmsreduce.write.targets.nodal import NodalMass, nodal_mass
 
-__all__ = ["MbdynDialect", "write_mbdyn"]
+__all__ = ["MbdynDialect", "has_momentum", "write_mbdyn"]
 
 MbdynDialect = Literal["points", "invariants", "lumped", "first-order"]
 """Group 11 of mass points, or of the lumped mass of all nodes, which every version reads; groups 14 to 18 of recent
@@ -54,10 +54,15 @@ def write_mbdyn(
     Raises
     ------
     WriteError
-        If the component file lacks data, the modes have momentum in the dialect ``first-order``, or the file cannot be
-        written.
+        If the component file lacks data or deforming modes, the modes have momentum in the dialect ``first-order``, or
+        the file cannot be written.
     """
     body = flexible_body(component, integrals, slow=dialect == "first-order")
+    if not body.k:
+        raise WriteError(
+            f"component '{body.name}': it keeps no mode that deforms it, and MBDyn's modal joint needs one; keep more "
+            "modes, or make it a `body` of MBDyn with the mass, centre and inertia of its component file"
+        )
     if dialect == "points":
         body, groups = _points(body)
     elif dialect == "first-order":
@@ -127,16 +132,22 @@ def _points(body: FlexibleBody) -> tuple[FlexibleBody, dict[int, tuple[str, Arra
 
 def _first_order(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
     """Groups of the consistent mass; without groups 11 and 14 to 18 the modes do not act on the rigid motion."""
-    integrals = body.integrals
-    momentum = np.vstack([integrals.phi, integrals.r_cross_phi])
-    rigid = np.sqrt(np.diagonal(rigid_mass_matrix(integrals)))[:, None]
-    if abs(momentum).max(initial=0.0) > _NO_MOMENTUM * np.max(rigid * np.sqrt(body.mass.diagonal()), initial=0.0):
+    if has_momentum(body):
         raise WriteError(
             f"component '{body.name}': the dialect first-order leaves out the momentum of the modes, and these have "
             "some; write the body about mean axes: `--for mbdyn-1.7.3-first-order`, or "
             "`write: {frame: {kind: mean-axis}}`"
         )
     return _consistent(body)
+
+
+def has_momentum(body: FlexibleBody) -> bool:
+    """True if the modes have linear or angular momentum, as they have in any frame but mean axes."""
+    integrals = body.integrals
+    momentum = np.vstack([integrals.phi, integrals.r_cross_phi])
+    rigid = np.sqrt(np.diagonal(rigid_mass_matrix(integrals)))[:, None]
+    largest = _NO_MOMENTUM * np.max(rigid * np.sqrt(body.mass.diagonal()), initial=0.0)
+    return bool(abs(momentum).max(initial=0.0) > largest)
 
 
 def _consistent(body: FlexibleBody) -> dict[int, tuple[str, Array]]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cmsreduce.mechanics import rigid_mass_matrix
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
+from cmsreduce.write.targets.mbdyn import has_momentum
 from cmsreduce.write.targets.nodal import nodal_mass
 from cmsreduce.write.targets.radioss import left_out
 
@@ -16,6 +17,13 @@ __all__ = ["lumped_price", "price_of", "spin_price"]
 
 _SHOWN = 6  # frequencies in a message
 _ONE_PERCENT = 0.01
+_SIX = 6
+
+_UNDAMPED = (
+    "Exudyn's file has no place for modal damping, so that the body vibrates without; give it to the object in Exudyn, "
+    "or export the scene, which does"
+)
+_MEAN_AXES = "42 adds the momentum of its modes twice; write it about mean axes: `cmsreduce convert --for 42`"
 
 Array = NDArray[np.float64]
 
@@ -28,6 +36,10 @@ def price_of(
         return (left_out(component),)
     if integrals is None:
         return ()
+    if target == "exudyn" and component.arrays["modes/damping"].any():
+        return (f"{component.name}: {_UNDAMPED}",)
+    if target == "42" and has_momentum(flexible_body(component, integrals)):
+        return (f"{component.name}: {_MEAN_AXES}",)
     if (target, dialect) == ("mbdyn", "lumped"):
         return (lumped_price(component, integrals),)
     if (target, dialect) == ("mbdyn", "first-order"):
@@ -36,13 +48,18 @@ def price_of(
 
 
 def lumped_price(component: ComponentFile, integrals: ModalIntegrals) -> str:
-    """Change of the first natural frequencies of the free body by lumping its mass at the nodes, in words."""
+    """Change of the first natural frequencies by lumping the mass at the nodes, in words.
+
+    They are those of the free body, or of the body as it is held.
+    """
     body = flexible_body(component, integrals)
-    lumps = nodal_mass(component, body)
-    own = _free_frequencies(
-        body, rigid_mass_matrix(integrals), np.vstack([integrals.phi, integrals.r_cross_phi]), body.mass
-    )
-    changed = _free_frequencies(body, *lumps.modal(body))
+    rigid, momenta, mass = nodal_mass(component, body).modal(body)
+    consistent = np.vstack([integrals.phi, integrals.r_cross_phi])
+    if component.rigid_count == _SIX:
+        own = _frequencies(body, _without_momentum(rigid_mass_matrix(integrals), consistent, body.mass))
+        changed = _frequencies(body, _without_momentum(rigid, momenta, mass))
+    else:
+        own, changed = _frequencies(body, body.mass), _frequencies(body, mass)
     shown = min(_SHOWN, own.size)
     by = ", ".join(f"{value:+.1f}" for value in 100 * (changed / own - 1)[:shown])
     return f"{body.name}: its mass is lumped at the nodes, which changes the first {shown} frequencies by {by} %"
@@ -69,9 +86,16 @@ def spin_price(body: FlexibleBody) -> str:
     )
 
 
-def _free_frequencies(body: FlexibleBody, rigid: Array, momenta: Array, mass: Array) -> Array:
-    """Natural frequencies (k,) of the body that floats freely: its rigid motion is that without momentum."""
-    inertia = mass - momenta.T @ la.solve(rigid, momenta, assume_a="sym")
+def _without_momentum(rigid: Array, momenta: Array, mass: Array) -> Array:
+    """Modal mass (k, k) of a body that floats freely: its rigid motion is that without momentum."""
+    return np.asarray(mass - momenta.T @ la.solve(rigid, momenta, assume_a="sym"))
+
+
+def _frequencies(body: FlexibleBody, mass: Array) -> Array:
+    """Natural frequencies (k,) of the modes that have one; infinite where lumps leave no mass."""
     moving = ~np.isnan(body.omega)
     square = np.ix_(moving, moving)
-    return np.sqrt(la.eigh(body.stiffness[square], (inertia + inertia.T)[square] / 2, eigvals_only=True))
+    # The stiffness is positive definite; the lumped mass need not be.
+    slowness = la.eigh((mass + mass.T)[square] / 2, body.stiffness[square], eigvals_only=True)[::-1]
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / np.sqrt(np.maximum(slowness, 0.0)))

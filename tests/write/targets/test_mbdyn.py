@@ -173,6 +173,22 @@ def test_modes_without_mass_have_a_row_of_zeros(tmp_path: Path) -> None:
     assert abs(f[14][:, 3]).max() < 1e-15
 
 
+@pytest.mark.parametrize("dialect", ["points", "invariants", "lumped", "first-order"])
+def test_a_body_that_keeps_no_mode_is_refused(tmp_path: Path, dialect: str) -> None:
+    """MBDyn: illegal number of modes 0."""
+    body = particles()
+    at = body.integrals
+    none = replace(
+        at,
+        modes=at.modes[:0],
+        phi=at.phi[:, :0],
+        r_cross_phi=at.r_cross_phi[:, :0],
+        second_order=SecondOrder(at.r_phi[..., :0], at.phi_phi[..., :0, :0]),
+    )
+    with pytest.raises(WriteError, match="'cloud': it keeps no mode that deforms it"):
+        write_mbdyn(tmp_path / "body.fem", body.file, none, dialect)
+
+
 @pytest.mark.parametrize(
     ("without", "message"),
     [(["nodes/lumped_mass"], "its file has no nodal masses; .*all_nodes: true"), ([], r"have 8\.\d+ of its mass of 9")],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as la
@@ -32,7 +33,28 @@ def test_lumps_with_the_mass_of_the_body_cost_nothing() -> None:
     assert len(by) == 4 and not np.array(by, dtype=float).any()
 
 
+def test_lumps_of_a_held_body_whose_modes_are_all_its_motions() -> None:
+    """Its natural vibrations are those of the frame at rest; they span the motions of the body as a whole."""
+    body = particles()
+    m, J = body.node_m, np.einsum("nii->ni", body.node_J)
+    lumped = np.einsum("n,nia,nib->ab", m, body.node_u, body.node_u)
+    lumped += np.einsum("ni,nia,nib->ab", J, body.node_v, body.node_v)
+    changed = np.sqrt(la.eigh(np.diag(body.omega**2), lumped, eigvals_only=True)) / body.omega
+    by = re.findall(r"([+-]\d+\.\d)[, ]", lumped_price(body.file, body.integrals))
+    np.testing.assert_allclose(np.array(by, dtype=float), 100 * (changed - 1), atol=0.051)
+
+
+def test_what_exudyn_and_42_lose_is_said() -> None:
+    body = particles()
+    assert "no place for modal damping" in price_of(body.file, body.integrals, "exudyn", None)[0]
+    undamped = {**body.file.arrays, "modes/damping": np.zeros((4, 4))}
+    assert price_of(replace(body.file, arrays=undamped), body.integrals, "exudyn", None) == ()
+    assert "--for 42" in price_of(body.file, body.integrals, "42", None)[0]
+
+
 def test_formats_that_hold_the_body_have_no_price() -> None:
     body = particles()
     assert price_of(body.file, body.integrals, "mbdyn", "invariants") == ()
-    assert price_of(body.file, body.integrals, "42", None) == ()
+    at = body.integrals
+    still = replace(at, phi=np.zeros_like(at.phi), r_cross_phi=np.zeros_like(at.r_cross_phi))
+    assert price_of(body.file, still, "42", None) == ()
