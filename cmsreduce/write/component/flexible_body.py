@@ -189,7 +189,11 @@ def flexible_body(component: ComponentFile, integrals: ModalIntegrals, *, slow: 
     rotation = np.einsum("ij,njm->nim", axes, arrays["nodes/rotation"][:, :, columns])
     if np.isnan(translation).any():
         lost = arrays["nodes/id"][np.isnan(translation).any(axis=(1, 2))]
-        raise WriteError(f"component '{component.name}': the motion of node {lost[0]} is not known in every direction")
+        raise WriteError(
+            f"component '{component.name}': the motion of node {lost[0]} is not known in every direction, and a "
+            "floating frame moves in all of them; give its matrices the missing translations (a plane body lacks "
+            "some), or write the body as matlab or fmi"
+        )
     unknown = np.isnan(rotation).any(axis=(1, 2))
     square = np.ix_(columns, columns)
     mass = _modal_mass(component, integrals)
