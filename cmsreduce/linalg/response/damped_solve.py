@@ -21,6 +21,8 @@ Complex = NDArray[np.complex128]
 _BESIDE = 0.6
 # Steps after which a factor of twice the rows is sought instead, and loads at a time.
 _STEPS, _TOGETHER = 24, BLOCK // 2
+# Memory of their vectors, in bytes; one load at a time takes its own in any case.
+_MOST_BYTES = 2**29
 # Residual of the reduced equations, relative to the motions. In the end that of the loads, relative to the size of the
 # matrix times the motions, is accepted if it is rounding.
 _CONVERGED, _ACCEPTED = 1e-13, 1e-13
@@ -53,8 +55,9 @@ def through_real_factor(A: sp.csc_array, C: sp.csc_array, load: Real) -> Complex
         return None
     stiff, drag, size = symmetric_product(A), symmetric_product(C), one_norm(A) + one_norm(C)
     found = np.empty(load.shape, dtype=np.complex128)
-    for first in range(0, load.shape[1], _TOGETHER):
-        part = slice(first, first + _TOGETHER)
+    together = max(1, min(_TOGETHER, _MOST_BYTES // (8 * (_STEPS + 1) * max(load.shape[0], 1))))
+    for first in range(0, load.shape[1], together):
+        part = slice(first, first + together)
         x = _solved(lambda W: factor(by_columns(W)), drag, load[:, part])
         if x is None:
             return None

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import eigsh
 
+from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
-from cmsreduce.linalg.response import DynamicStiffness, ResonanceError, damped_solve
+from cmsreduce.linalg.response import DynamicStiffness, ResonanceError, damped_solve, dynamic_stiffness
 from cmsreduce.linalg.response.damped_solve import through_real_factor
 from cmsreduce.linalg.sparse import InsufficientMemoryError, factorise, installed_backends
 from tests.solids import block
@@ -98,3 +101,37 @@ def test_a_resonance_without_damping_is_named() -> None:
     two = sp.csc_array([[2.0, -1.0], [-1.0, 2.0]])
     with pytest.raises(ResonanceError, match=r"infinite at 0\.159155 Hz"):
         DynamicStiffness(two, sp.csc_array(np.eye(2))).solve(np.eye(2), 1.0)
+
+
+@pytest.mark.parametrize("law", ["none", "beyond critical"])
+@pytest.mark.parametrize("digits", [1e-3, 0.5])
+def test_a_factor_of_few_digits_is_refined_and_a_wrong_one_is_refused(
+    law: str, digits: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of every motion is lost in a wrong one; nothing else looks at what the last solver gives."""
+    D, _ = LAWS[law]
+
+    def rough(A: sp.csc_array, **options: object) -> Callable[[np.ndarray], np.ndarray]:
+        exact, shares = factorise(A, **options), 1 + digits * np.random.default_rng(0).choice([-1.0, 1.0], A.shape[0])
+        return lambda f: shares[:, None] * exact(f)
+
+    expected = DynamicStiffness(K, M, D).solve(LOAD, OMEGA)
+    monkeypatch.setattr(dynamic_stiffness, "factorise", rough)
+    monkeypatch.setattr(dynamic_stiffness, "through_real_factor", lambda *_: None)
+    if digits > 0.1:
+        with pytest.raises(MatrixError, match="does not meet its equations"):
+            DynamicStiffness(K, M, D).solve(LOAD, OMEGA)
+    else:
+        found = DynamicStiffness(K, M, D).solve(LOAD, OMEGA)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * abs(expected).max())
+
+
+def test_wide_loads_take_little_memory_beside_the_factor(monkeypatch: pytest.MonkeyPatch) -> None:
+    D = LAWS["Rayleigh"][0]
+    together, solved = [], damped_solve._solved
+    monkeypatch.setattr(damped_solve, "_solved", lambda *a: (together.append(a[2].shape[1]), solved(*a))[1])
+    monkeypatch.setattr(damped_solve, "_MOST_BYTES", 3 * 8 * 25 * BODY.n)
+    A = sp.csc_array(K - OMEGA**2 * M)
+    found = through_real_factor(A, sp.csc_array(OMEGA * D), LOAD[:, :7])
+    assert together == [3, 3, 1]
+    np.testing.assert_allclose(found, DynamicStiffness(K, M, D).solve(LOAD[:, :7], OMEGA), rtol=0, atol=1e-10)
