@@ -21,6 +21,11 @@ _OF_MODES = frozenset(
     + ["modes_lost", "peak_error", "frac_error", "nrfd", "zero_error", "zeros_lost", "step_error", "controller_ratio"]
     + ["frf_error between the sampled configurations"]
 )
+# Those that the peaks of undamped modes decide, which are infinite: two peaks that do not meet differ by as much as
+# both hold, whatever the shift of a frequency.
+_OF_PEAKS = frozenset(
+    ["frf_error", "channel_error", "peak_error", "frac_error", "frf_error between the sampled configurations"]
+)
 
 
 def next_steps(run: RunResult) -> tuple[str, ...]:
@@ -46,8 +51,21 @@ def _steps(run: RunResult, found: Finding) -> Iterator[str]:
         yield (
             "static responses: add residual vectors, `reduce: {residuals: [actuators, sensors]}`, which make them exact"
         )
+    elif found.name in _OF_PEAKS and _undamped(run):
+        yield (
+            "nothing in the system is damped: its responses are infinite at every natural frequency, and the smallest "
+            "shift of one is an error of 100 % and more. Give the bodies their damping, such as "
+            "`damping: {modal: 0.005}`"
+        )
     elif found.name in _OF_MODES:
         yield _to_improve(run, found)
+
+
+def _undamped(run: RunResult) -> bool:
+    """True if neither a body nor a joint has damping."""
+    measured = [result.errors[run.model] for result in run.configurations if run.model in result.errors]
+    still = all(not part.modes.zeta.any() for part in run.components.values())
+    return still and all(errors.damped is None for errors in measured)
 
 
 def _to_measure(run: RunResult) -> Iterator[str]:

@@ -67,3 +67,20 @@ def test_a_search_that_was_made_is_not_proposed_again(make_run: MakeRun) -> None
     settings = {"balance": {"keep": {"limits": "all"}}, "reduce": {"cutoff": 2.0}}
     (step,) = next_steps(make_run(limits={"frf_error": 0.001}, settings=settings))
     assert "keep: limits" not in step and "raise `reduce.cutoff` from 2 to 4" in step
+
+
+def test_without_damping_no_cutoff_is_high_enough(make_run: MakeRun) -> None:
+    run = all_kept(make_run(limits={"frf_error": 0.001, "frequency_error": 1e-12}))
+    parts = {
+        name: replace(part, modes=replace(part.modes, zeta=np.zeros_like(part.modes.zeta)))
+        for name, part in run.components.items()
+    }
+    still = tuple(
+        replace(result, errors={name: replace(each, damped=None) for name, each in result.errors.items()})
+        for result in run.configurations
+    )
+    undamped = replace(run, components=parts, configurations=still)
+    steps = next_steps(undamped)
+    assert steps[0].startswith("nothing in the system is damped") and "cutoff" not in steps[0]
+    assert any("raise `reduce.cutoff`" in step for step in steps[1:])
+    assert not any("damped" in step for step in next_steps(run))
