@@ -12,7 +12,7 @@ from cmsreduce.errors import ConfigError
 __all__ = ["BodyDraft", "body_pipeline", "scene_pipeline"]
 
 _TEXT = """\
-# A cmsreduce pipeline for one body: the reduced body is checked under loads at its interface, floating free.
+# A cmsreduce pipeline for one body: the reduced body is checked under loads at its interface, {support}.
 # Lines marked CHECK hold a choice that the files cannot make for you. `cmsreduce schema` lists every key.
 name: "{name}"
 output: "build/{name}"
@@ -122,6 +122,8 @@ class BodyDraft:
         What speaks against the units of the scene.
     grounded : bool
         True if the matrices hold the body to the ground, and the nodes away from it are proven.
+    held : bool
+        True if the stiffness resists rigid motion.
     remark : str
         Reason why the files do not fit together; empty if they do.
     notes : tuple of str
@@ -149,6 +151,7 @@ class BodyDraft:
     units: str = ""
     units_remark: str = ""
     grounded: bool = False
+    held: bool = False
     remark: str = ""
     notes: tuple[str, ...] = ()
     damped: bool = False
@@ -182,6 +185,7 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
         point=draft.point,
         far=draft.far,
         axes=", ".join(draft.axes),
+        support="held by the supports in its files" if draft.grounded or draft.held else "floating free",
         rest=_REST,
     )
 

@@ -16,7 +16,7 @@ from cmsreduce.model import SI, FEModel, Units
 from cmsreduce.pipeline.bodies import REDUCED_FILES, material_of, plausible_units, reduced_body
 from cmsreduce.pipeline.drafts.body_files import bodies_of_files, body_names, deck_beside
 from cmsreduce.pipeline.drafts.coincident_nodes import meetings
-from cmsreduce.pipeline.drafts.first_mode import QUICK, first_elastic, free_motions
+from cmsreduce.pipeline.drafts.first_mode import QUICK, first_elastic, free_motions, is_held
 from cmsreduce.pipeline.drafts.mounts import cells_of, joined, mounted, moving_along, translations_of
 from cmsreduce.read import (
     MatrixSource,
@@ -187,7 +187,7 @@ def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
             draft = replace(draft, grounded=True)
         if body.nodes is None:
             return None, _without_places(draft, body)
-        draft = _with_units(draft, body)
+        draft = replace(_with_units(draft, body), held=is_held(body))
         hz = first_elastic(body)
     except CmsReduceError as error:
         # A file beside the matrices may have what is missing.

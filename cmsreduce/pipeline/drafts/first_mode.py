@@ -17,7 +17,7 @@ from cmsreduce.pipeline.drafts.proposed_interfaces import Place
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.verify import rigid_motions
 
-__all__ = ["QUICK", "first_elastic", "free_motions", "softly_tied"]
+__all__ = ["QUICK", "first_elastic", "free_motions", "is_held", "softly_tied"]
 
 QUICK = 20_000
 """Dofs of a body whose first frequency a draft computes: a larger one takes more than a minute to factorise."""
@@ -66,6 +66,15 @@ def free_motions(body: FEModel) -> NDArray[np.float64]:
     assert body.nodes is not None
     shapes = rigid_body_shapes(body.dofs, body.nodes)
     return rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name)
+
+
+def is_held(body: FEModel) -> bool:
+    """True if the stiffness resists a rigid motion of the body; False for a large body, which is not looked at."""
+    if body.n > QUICK or body.nodes is None:
+        return False
+    # The places of a straight beam leave fewer motions than six.
+    possible = np.linalg.matrix_rank(rigid_body_shapes(body.dofs, body.nodes))
+    return bool(free_motions(body).shape[1] < possible)
 
 
 def _translations(body: FEModel, place: Place) -> dict[str, Interface]:

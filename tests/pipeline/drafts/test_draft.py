@@ -32,6 +32,12 @@ def typed(*words: str) -> tuple[int, str]:
     return done.exit_code, done.output
 
 
+def _saved(text: str) -> Path:
+    path = Path("draft.yaml")
+    path.write_text(text)
+    return path
+
+
 @pytest.mark.parametrize(
     ("sample", "mount", "far", "axes", "hz"),
     [
@@ -47,6 +53,18 @@ def test_samples(sample: str, mount: str, far: int, axes: str, hz: float) -> Non
     draft = draft_body("body", files)
     assert (draft.interfaces[0][1], draft.far, draft.axes, draft.remark) == (mount, far, axes, "")
     assert draft.elastic_hz == pytest.approx(hz, rel=1e-4)
+
+
+def test_a_body_that_its_deck_holds_is_not_said_to_float(arm: Path) -> None:
+    matrices, deck = Path("arm.op4"), Path("arm.bdf")
+    assert "at its interface, floating free." in draft_pipeline("arm", [matrices, deck]).text
+    whole = op4.read(str(matrices))
+    # The deck holds node 1, and NASTRAN leaves its rows out.
+    op4.write(str(matrices), {name: A[6:, 6:] for name, A in whole.items()})
+    deck.write_text(deck.read_text().replace("ENDDATA", "") + "SPC1,1,123456,1\n")
+    text = draft_pipeline("arm", [matrices, deck]).text
+    assert "at its interface, held by the supports in its files." in text
+    assert typed("run", "--until", "reduce", str(_saved(text)))[0] == 0
 
 
 @pytest.mark.shared
