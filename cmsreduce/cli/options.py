@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -103,11 +104,17 @@ def _load_ahead(jobs: int) -> None:
     """
     if jobs == 1:
         return
-    from multiprocessing import forkserver, get_all_start_methods
+    from multiprocessing import forkserver, get_all_start_methods, resource_tracker
 
     if "forkserver" in get_all_start_methods():
         forkserver.set_forkserver_preload(_LIBRARIES)
-        forkserver.ensure_running()
+        # The tracker first, as it unblocks the signal; Ctrl-C must not interrupt the loading with a traceback.
+        resource_tracker.ensure_running()
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            forkserver.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class Commands(click.Group):

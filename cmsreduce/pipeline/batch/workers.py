@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -99,6 +100,12 @@ def _in_turn(threads: int, work: Callable[..., Any], *arguments: object) -> Any:
 
 
 def _begin_process() -> None:
+    """Let the process end with its parent, and at Ctrl-C without a word: the parent says what is to be said."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if hasattr(signal, "pthread_sigmask"):
+        # The command line starts processes with the signal blocked, so that none is interrupted before this.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     Thread(target=_end_with_parent, daemon=True).start()
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
 import select
+import signal
 import subprocess
 import sys
 import threading
@@ -25,7 +27,7 @@ from cmsreduce.model import SweepResult
 from cmsreduce.pipeline import Run, execute, reopen, run_result
 from cmsreduce.pipeline.batch import sweep, sweep_axes
 from cmsreduce.pipeline.batch.sweep_points import sweep_points
-from cmsreduce.pipeline.batch.workers import Workers
+from cmsreduce.pipeline.batch.workers import Workers, local_workers
 from cmsreduce.pipeline.store import cache_entries, clear_cache
 from tests.pipeline.rounding import assert_close
 from tests.pipeline.study import Log, panel, write_body
@@ -211,6 +213,45 @@ def test_the_processes_of_a_killed_sweep_end_and_the_next_one_goes_on(
         assert killed.stdout.read() == b""
     result, _ = sweep(good_study / "study.yaml", sweep_axes(FEW), (), tmp_path)
     assert_close(found(result), found(few))
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="children are found in /proc")
+def test_ctrl_c_while_processes_load_is_one_line(good_study: Path, tmp_path: Path) -> None:
+    """A terminal interrupts all processes of a command; the one that loads libraries for the others says nothing."""
+    program = [sys.executable, "-m", "cmsreduce.cli", "sweep", str(good_study / "study.yaml"), "--over", FEW[0]]
+    with subprocess.Popen(
+        [*program, "--jobs", "2", "--quiet", "--out", str(tmp_path)],
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
+    ) as stopped:  # fmt: skip
+        children = Path(f"/proc/{stopped.pid}/task/{stopped.pid}/children")
+        while not any(_loading(child) for child in children.read_text().split()):
+            assert stopped.poll() is None
+            time.sleep(0.01)
+        os.killpg(stopped.pid, signal.SIGINT)
+        said = stopped.communicate(timeout=60)[1]
+    # Python may end by the signal itself: a shell shows 130 for both.
+    assert stopped.returncode in (130, -signal.SIGINT)
+    assert said == "interrupted; finished stages are kept and reused by the next run\n"
+
+
+def _loading(process: str) -> bool:
+    """Say whether it is the process that loads libraries for others, and has begun to."""
+    about = Path("/proc") / process
+    try:
+        return b"forkserver" in (about / "cmdline").read_bytes() and b"numpy" in (about / "maps").read_bytes()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def test_ctrl_c_ends_a_waiting_process_without_a_word(capfd: pytest.CaptureFixture[str]) -> None:
+    with local_workers(2).start(2) as executor:
+        waiting = executor.submit(os.getpid).result()
+        os.kill(waiting, signal.SIGINT)
+        with pytest.raises(BrokenProcessPool):
+            for _ in range(1000):
+                executor.submit(os.getpid).result()
+                time.sleep(0.01)
+    assert capfd.readouterr().err == ""
 
 
 def test_a_damaged_shared_stage_is_made_again(good_study: Path, tmp_path: Path) -> None:
