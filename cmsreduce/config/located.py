@@ -17,7 +17,10 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from cmsreduce.config.yaml_syntax import refuse_syntax
 from cmsreduce.errors import ConfigError
 
-__all__ = ["Adapt", "Entry", "Location", "Text", "find", "merge", "parse", "plain"]
+__all__ = ["LARGEST_NUMBER", "Adapt", "Entry", "Location", "Text", "find", "merge", "parse", "plain"]
+
+LARGEST_NUMBER = 1e100
+"""Largest number of a pipeline: the square of a length times a mass must not overflow."""
 
 _TAG = "tag:yaml.org,2002:"
 # Dates and the lone '=' have tags of their own in YAML; a pipeline means the characters.
@@ -252,7 +255,9 @@ class _Reader:
             raise ConfigError(f"{where}: key '{path}': '{text}' is not a number") from None
         # No node, count or thread has such a number: where a whole number is expected, it is refused by its key.
         if isinstance(number, int) and abs(number) > _LARGEST_WHOLE:
-            return float(number) if abs(number) < sys.float_info.max else math.inf
+            number = float(number) if abs(number) < sys.float_info.max else math.inf
+        if math.isfinite(number) and abs(number) > LARGEST_NUMBER:
+            raise ConfigError(f"{where}: key '{path}': {number:g} is beyond the largest number, {LARGEST_NUMBER:g}")
         return number
 
 

@@ -273,7 +273,11 @@ CASES = {
     "inertia of no body": Case(
         (r"study\.yaml:\d+", "inertia"), {"inertia: [0.2, 0.3, 0.25, 0.01, 0, 0]": "inertia: [0.2, 0.3, 5, 0, 0, 0]"}
     ),
-    "mass of no body": Case((r"study\.yaml:\d+", "1e.308 is no mass, length or inertia"), {"mass: 5.0": "mass: 1e308"}),
+    "mass of no body": Case((r"study\.yaml:\d+", "1e.308 is beyond the largest number"), {"mass: 5.0": "mass: 1e308"}),
+    "place of no body": Case(
+        (r"study\.yaml:\d+", r"back.position\[0\]': -1e.300 is beyond the largest number"),
+        {"position: [-0.2, 0, 0]": "position: [-1e300, 0, 0]"},
+    ),
 }
 
 

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from cmsreduce.config.located import LARGEST_NUMBER
 from cmsreduce.errors import UnitsError, closest
 from cmsreduce.model import UnitKind, Units, units_of
 
@@ -167,8 +168,8 @@ def parse_quantity(value: object) -> Quantity:
     if isinstance(value, Quantity):
         return value
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        if not math.isfinite(value):
-            raise UnitsError(f"{value} is not a finite number")
+        if not abs(value) <= LARGEST_NUMBER:
+            raise UnitsError(f"{value} is not a finite number up to {LARGEST_NUMBER:g}")
         return Quantity(float(value))
     form = _FORM.fullmatch(value) if isinstance(value, str) else None
     if form is None:
@@ -176,9 +177,8 @@ def parse_quantity(value: object) -> Quantity:
         if isinstance(value, str) and re.match(r"\s*[-+]?\d+,\d", value):
             examples = f"which has a point, not a comma: {value.replace(',', '.', 1)}"
         raise UnitsError(f"'{value}' is not a number with a unit, {examples}")
-    number = float(form[1])
-    if not math.isfinite(number):
-        raise UnitsError(f"'{value}' is not a finite number")
+    if abs(number := float(form[1])) > LARGEST_NUMBER:
+        raise UnitsError(f"'{value}' is not a finite number up to {LARGEST_NUMBER:g}")
     return Quantity(number, _unit_named(form[2] or "", str(value)))
 
 
@@ -325,7 +325,7 @@ def parse_compound(value: object) -> Compound:
     if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
         return Compound(float(value))
     form = _NUMBER.fullmatch(value) if isinstance(value, str) else None
-    if form is None or not math.isfinite(float(form[1])):
+    if form is None or abs(float(form[1])) > LARGEST_NUMBER:
         raise UnitsError(f"'{value}' is not a number with units, e.g. 120 N*m/rad")
     unit = form[2].strip()
     if unit:

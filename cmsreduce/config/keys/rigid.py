@@ -15,10 +15,6 @@ from cmsreduce.model import RigidBody
 __all__ = ["RigidKeys"]
 
 
-# The square of a length times a mass must not overflow.
-_LARGEST = 1e100
-
-
 def _check_inertia(value: object) -> object:
     if isinstance(value, (list, tuple)) and len(value) != 6:
         raise ValueError(f"6 numbers are expected, xx yy zz xy xz yz, found {len(value)}")
@@ -38,11 +34,6 @@ class RigidKeys(Keys):
 
     @model_validator(mode="after")
     def _physical(self) -> RigidKeys:
-        largest = max(abs(value) for value in (self.mass, *self.cg, *self.inertia))
-        if largest > _LARGEST:
-            raise ValueError(
-                f"{largest:g} is no mass, length or inertia in any units: up to {_LARGEST:g} can be computed"
-            )
         try:
             RigidBody("", self.mass, np.asarray(self.cg), self.tensor())
         except MatrixError as error:

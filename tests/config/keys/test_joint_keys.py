@@ -53,6 +53,7 @@ def test_a_text_reads_back():
         ("N*m", "is not a number with units, e.g. 120 N"),
         ("3 /s", "is no product of units"),
         ("1 N**m", "is no product of units"),
+        ("1e200 N*m", "is not a number with units"),
         (True, "is not a number"),
         (float("nan"), "is not a number"),
     ],

@@ -58,6 +58,7 @@ def test_text_form_reads_back():
         ("ten Hz", "frequency", "not a number with a unit"),
         ("10 Hz Hz", "frequency", "not a number with a unit"),
         ("1e999 Hz", "frequency", "not a finite number"),
+        ("1e200 mm", "length", "not a finite number up to 1e.100"),
         (float("nan"), "frequency", "not a finite number"),
         (True, "frequency", "not a number with a unit"),
         (None, "frequency", "not a number with a unit"),
