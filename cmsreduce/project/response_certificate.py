@@ -16,7 +16,8 @@ Complex = NDArray[np.complex128]
 
 ESTIMATE_FACTOR = 5.0
 """The root mean square error of a response is at most so many times its estimate, with as many further directions as
-shapes. This is no theorem: in 1000 random systems the largest ratio was 3.7, in 99 of 100 it was below 1.4."""
+shapes. This is no theorem: in 1000 random systems with damping ratios of 0.1 to 10 % the largest ratio was 3.7, in 99
+of 100 it was below 1.4; in 1000 others, some with a thousandth of this damping or ten times it, it was 8.0 and 1.9."""
 
 
 @dataclass(frozen=True, eq=False)
