@@ -58,6 +58,7 @@ _START = 4096  # bytes that tell a file that is not read
 _INSPECT = "`cmsreduce inspect {path}` shows what is in it"
 _REDUCED = "name it as `reduced:` of a component"
 _UNPACK = "unpack it, and name the file in it"
+_WHOLE = "write the matrices of the whole body, or save these as .npz files and list their node.component as `rows:`"
 _NO_MODEL = "name the matrices and the deck or mesh of the body"
 _NAMED_IN_HDF5 = 4
 
@@ -111,6 +112,7 @@ def _matches(pattern: bytes) -> Callable[[bytes], bool]:
 _MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf))"
 # MBDyn reads by record groups, and some writers have other words before them.
 _MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:\*\*[^\n]*\n|\s*\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
+_SUBSTRUCTURE = rb"\A(?:\*\*[^\n]*\n)*\*USER ELEMENT\b"
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:\s*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 _MARKS = (
@@ -148,6 +150,7 @@ _MARKS = (
         _matches(rb"\A1[ \t]*\r?\n(?s:.)*?(?:N A S T R A N|NASTRAN|MSC Software|Siemens)"),
         "name the deck and the OP4, OP2 or punch file of the run",
     ),
+    _Mark("substructure", "a substructure (*USER ELEMENT) of Abaqus or CalculiX", _matches(_SUBSTRUCTURE), _WHOLE),
     _Mark("sid", "an SID file, a body that is reduced already", _matches(rb"^\s*part\s*$\s*^\s*new modal\b"), _REDUCED),
     _Mark("mbdyn", "a modal body of MBDyn, which is reduced already", _matches(_MBDYN), _REDUCED),
     _Mark("html", "a web page", _matches(rb"\A\s*<(?:!doctype\s+)?html")),

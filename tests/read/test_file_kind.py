@@ -72,6 +72,7 @@ CONTENT = {
     "ansys-full": np.array([100, -(2**31), 4], dtype="<i4").tobytes() + bytes(400),
     "universal": b"    -1\n  2411\n         1         1         1        11\n",
     "ls-dyna": b"*KEYWORD\n*NODE\n       1             0.0             0.0             0.0\n",
+    "substructure": b"**\n** GENERATION OF SUBSTRUCTURE\n*USER ELEMENT,NODES=         2,LINEAR\n** ELEMENT NODES\n",
     "dofs": b"1.1\n1.2\n1.3\n",
     "pipeline": b"# a study\nname: bracket\ncomponents:\n",
     "yaml": b"colour: blue\n",

@@ -23,6 +23,8 @@ QUICK = 20_000
 """Dofs of a body whose first frequency a draft computes: a larger one takes more than a minute to factorise."""
 # A rigid tie that doubles the first elastic frequency makes another body: its nodes are a thin edge, no flange.
 _STIFFENED = 2.0
+# Share of the forces of the parts that is left of their sum where a support resists, and in roundings of the file.
+_RESISTED, _ROUNDINGS = 1e-6, 100.0
 _RIGID = "tie: rigid"
 
 
@@ -69,12 +71,13 @@ def free_motions(body: FEModel) -> NDArray[np.float64]:
 
 
 def is_held(body: FEModel) -> bool:
-    """True if the stiffness resists a rigid motion of the body; False for a large body, which is not looked at."""
-    if body.n > QUICK or body.nodes is None:
-        return False
-    # The places of a straight beam leave fewer motions than six.
-    possible = np.linalg.matrix_rank(rigid_body_shapes(body.dofs, body.nodes))
-    return bool(free_motions(body).shape[1] < possible)
+    """True if the stiffness resists a translation of the whole body."""
+    assert body.nodes is not None
+    shapes = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
+    resisted, parts = abs(body.K @ shapes), abs(body.K) @ abs(shapes)
+    limit = max(_RESISTED, _ROUNDINGS * body.stiffness_rounding)
+    # Rows of mere rounding resist anything.
+    return bool((resisted > limit * np.maximum(parts, _RESISTED * parts.max(initial=0.0))).any())
 
 
 def _translations(body: FEModel, place: Place) -> dict[str, Interface]:
