@@ -41,10 +41,6 @@ class Component(ModalComponent):
         frame: pd.DataFrame = pandas.DataFrame({"frequency_hz": self.frequencies_hz, **columns}).rename_axis("mode")
         return frame
 
-    def to_frame(self) -> pd.DataFrame:
-        """The same as `table`."""
-        return self.table
-
     def shapes(self, point: str | int) -> NDArray[np.float64]:
         """Translation and rotation of a point in each mode, along the basic axes of the body.
 

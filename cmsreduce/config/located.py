@@ -17,10 +17,12 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from cmsreduce.config.yaml_syntax import refuse_syntax
 from cmsreduce.errors import ConfigError
 
-__all__ = ["LARGEST_NUMBER", "Adapt", "Entry", "Location", "Text", "find", "merge", "parse", "plain"]
+__all__ = ["LARGEST_NUMBER", "LARGEST_WHOLE", "Adapt", "Entry", "Location", "Text", "find", "merge", "parse", "plain"]
 
 LARGEST_NUMBER = 1e100
 """Largest number of a pipeline: the square of a length times a mass must not overflow."""
+LARGEST_WHOLE = 2**63 - 1
+"""Largest whole number: in the arrays of all later stages they have 64 bits."""
 
 _TAG = "tag:yaml.org,2002:"
 # Dates and the lone '=' have tags of their own in YAML; a pipeline means the characters.
@@ -32,8 +34,6 @@ _DEEPEST = 50
 _MOST_ENTRIES = 200_000
 # Characters: the parser reads some ten thousand a second, and a pipeline has a few thousand.
 _LONGEST_FILE, _LONGEST_SCALAR = 500_000, 2_000
-# Whole numbers in the arrays of all later stages have 64 bits.
-_LARGEST_WHOLE = 2**63 - 1
 # Texts that are held with their trees: a sweep reads one pipeline with many overrides.
 _HELD = 100
 
@@ -254,7 +254,7 @@ class _Reader:
         except (ValueError, YAMLError):
             raise ConfigError(f"{where}: key '{path}': '{text}' is not a number") from None
         # No node, count or thread has such a number: where a whole number is expected, it is refused by its key.
-        if isinstance(number, int) and abs(number) > _LARGEST_WHOLE:
+        if isinstance(number, int) and abs(number) > LARGEST_WHOLE:
             number = float(number) if abs(number) < sys.float_info.max else math.inf
         if math.isfinite(number) and abs(number) > LARGEST_NUMBER:
             raise ConfigError(f"{where}: key '{path}': {number:g} is beyond the largest number, {LARGEST_NUMBER:g}")

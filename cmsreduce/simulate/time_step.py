@@ -45,8 +45,6 @@ class States:
         State at each time.
     steps : int
         Number of steps.
-    evaluations : int
-        Evaluations of the equations of motion.
     longest, shortest : float
         Steps in seconds.
     seconds : float
@@ -60,7 +58,6 @@ class States:
     time: Array
     y: Array
     steps: int
-    evaluations: int
     longest: float
     shortest: float
     seconds: float
@@ -173,7 +170,7 @@ def integrate(
             if target in returned:
                 kept.append(solver.y)
     elapsed = time.perf_counter() - began
-    found = States(times, np.array(kept), steps, solver.nfev, sizes[1], sizes[0], elapsed, highest, kinetic)
+    found = States(times, np.array(kept), steps, sizes[1], sizes[0], elapsed, highest, kinetic)
     _refuse_imbalance(system, found, accuracy, method)
     return found
 

@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
 
 from cmsreduce.config.keys.mapping import Flag, Keys, Positive
+from cmsreduce.config.located import LARGEST_WHOLE
 from cmsreduce.model import DOF_NAMES
 
 __all__ = ["NO_PARTS", "ModeSetKeys", "ReduceKeys"]
@@ -21,7 +22,6 @@ NO_PARTS = {
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
 _NO_NORMAL_MODES = ("guyan", "scene")
-_LARGEST_NODE = 2**63 - 1
 _DAMPED_MODES = ("craig-bampton", "macneal-rubin")
 
 
@@ -30,7 +30,7 @@ def _check_residual(value: object) -> str:
     if isinstance(text, str):
         node, _, dof = text.partition(".")
         if text in _ALL_OF_A_KIND or (
-            node.isdecimal() and int(node) <= _LARGEST_NODE and (not dof or dof in DOF_NAMES)
+            node.isdecimal() and int(node) <= LARGEST_WHOLE and (not dof or dof in DOF_NAMES)
         ):
             return text
     raise ValueError(

@@ -178,8 +178,3 @@ class ProjectionRecord:
     def worst_return(self) -> float:
         """Largest relative error of a chosen frequency in the reassembled system, in any sampled configuration."""
         return max((float(each.error.max(initial=0.0)) for each in self.sampled), default=0.0)
-
-    @property
-    def worst_between(self) -> tuple[str, float] | None:
-        """Midpoint configuration with the largest error, and this error; None if not measured."""
-        return max(self.between.items(), key=lambda each: each[1], default=None)
