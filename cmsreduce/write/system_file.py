@@ -70,7 +70,8 @@ def read_system(path: Path) -> SystemFile:
                 else Units(str(facts["name"]), *(float(facts[f"{x}_in_si"]) for x in _BASE)),
                 quantities=(stated[0] or ("",) * len(first["inputs"]), stated[1] or ("",) * len(first["outputs"])),
             )
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, IndexError) as error:
+    # Numbers in the place of texts cannot be decoded.
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, IndexError, AttributeError) as error:
         raise ReadError(
             f"{path}: the file is damaged or incomplete ({error}); write it again with `cmsreduce run`"
         ) from None

@@ -11,7 +11,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Configuration, Units
 from cmsreduce.pipeline import inspected
 from cmsreduce.pipeline.results import check_result, read_limits
-from cmsreduce.write import convert, read_component, verify_seal, write_system
+from cmsreduce.write import convert, read_component, read_system, verify_seal, write_system
 from tests.write.component.test_component_file import chain, written
 from tests.write.test_system_file import pendulum
 
@@ -172,6 +172,22 @@ def test_sizes_are_not_believed_and_other_files_stay_closed(path, edit, says):
         edit(file)
     with pytest.raises(ReadError, match=rf"rotor\.h5: .*{says}"):
         read_component(path)
+
+
+@pytest.mark.parametrize("text", [np.bytes_(b"spin"), np.array([[b"spin"]]), np.array([[[1]]]), np.array(3)])
+def test_a_text_of_another_shape_or_kind_is_refused(path, tmp_path, text):
+    with h5py.File(path, "r+") as file:
+        del file["checks/name"]
+        file["checks/name"] = text
+    with pytest.raises(ReadError, match=r"rotor\.h5: .*checks/name"):
+        read_component(path)
+    system = tmp_path / "system.h5"
+    write_system(system, [pendulum(configuration=Configuration("spin=0"))], provenance={}, units=Units.parse("mm-t-s"))
+    with h5py.File(system, "r+") as file:
+        del file.attrs["content_sha256"], file["seal"], file["configuration_0/inputs"]
+        file["configuration_0/inputs"] = text
+    with pytest.raises(ReadError, match=r"system\.h5: the file is damaged"):
+        read_system(system)
 
 
 def test_the_recipe_on_the_page_gives_the_seal(path, monkeypatch):

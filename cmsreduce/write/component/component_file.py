@@ -168,7 +168,8 @@ def read_component(path: Path | str) -> ComponentFile:
         attributes = {name: facts for name, facts in every.items() if name not in stored}
         for name, value in stored.items():
             if value.dtype.kind == "S":
-                texts[name] = tuple(text.decode("utf-8") for text in value)
+                # Of any shape: one that does not fit is refused with the others.
+                texts[name] = tuple(text.decode("utf-8") for text in np.ravel(value).tolist())
             else:
                 arrays[name] = value
         sealed = SEAL in attributes[""]
