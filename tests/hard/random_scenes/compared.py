@@ -73,7 +73,8 @@ def compared(seed: int, folder: Path) -> Compared:
     found = run.verified.configurations[0]
     shapes = {name: _shapes(scene, name, bodies[name], modal) for name, modal in run.final.items()}
     small = {
-        name: bodies[name].reduced(Phi, run.final[name].static_count, scene.parts[name]) for name, Phi in shapes.items()
+        name: bodies[name].reduced(Phi, run.final[name].static_count, scene.parts[name], _numbers(run, name))
+        for name, Phi in shapes.items()
     }
     reduced = dense_system(scene, {**bodies, **small})
     w_r, _ = reduced.modes()
@@ -130,6 +131,12 @@ def _shapes(scene: RandomScene, name: str, body: DenseBody, modal: ModalComponen
         scale = length if component <= 3 else 1.0
         rows.append(scale * axes[(component - 1) % 3] @ body.points[label][three])
     return np.linalg.solve(np.array(rows), np.asarray(modal.Phi)) * np.sqrt(mass * length**2)
+
+
+def _numbers(run: Run, name: str) -> np.ndarray:
+    """Numbers of the elastic modes kept, by frequency, among those of the reduced body."""
+    every, kept = (each.omega[each.elastic] for each in (run.modal(name), run.final[name]))
+    return np.searchsorted(np.sort(every), kept * (1 - 1e-9))
 
 
 def _in_units(scene: RandomScene, system: DenseSystem, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -54,8 +54,11 @@ class DenseBody:
     points: dict[str, np.ndarray]
     places: dict[str, np.ndarray]
 
-    def reduced(self, Phi: np.ndarray, massless: int, part: Part) -> DenseBody:
-        """The body in the amplitudes of shapes; the last ones have no mass."""
+    def reduced(self, Phi: np.ndarray, massless: int, part: Part, numbers: np.ndarray) -> DenseBody:
+        """The body in the amplitudes of shapes; the last ones have no mass.
+
+        ``numbers``: those of its elastic modes among all that the body had before modes were left out.
+        """
         K, M, loss = (Phi.T @ A @ Phi for A in (self.K, self.M, self.loss))
         D = Phi.T @ self.D @ Phi
         first = len(K) - massless
@@ -64,7 +67,7 @@ class DenseBody:
         if part.law[0] in ("modal", "per_mode", "table"):
             D = np.zeros_like(K)
             w, X = elastic_modes(K[:first, :first], M[:first, :first], R[:first])
-            D[:first, :first] = _modal(M[:first, :first], w, X, part)
+            D[:first, :first] = _modal(M[:first, :first], w, X, part, numbers)
         if part.law[0] == "rayleigh":
             D = part.law[1]["beta"] * K + part.law[1]["alpha"] * _without(M, R)
         return DenseBody(K, M, D, loss, R, {n: P @ Phi for n, P in self.points.items()}, self.places)
@@ -107,7 +110,8 @@ def dense_body(part: Part) -> DenseBody:
     law, value = part.law
     D, loss = np.zeros_like(K), np.zeros_like(K)
     if law in ("modal", "per_mode", "table"):
-        D = _modal(M, *elastic_modes(K, M, R), part)
+        w, X = elastic_modes(K, M, R)
+        D = _modal(M, w, X, part, np.arange(w.size))
     elif law == "rayleigh":
         D = value["alpha"] * _without(M, R) + value["beta"] * K
     elif law == "structural":
@@ -132,11 +136,11 @@ def _without(M: np.ndarray, R: np.ndarray) -> np.ndarray:
     return M - M @ R @ np.linalg.solve(R.T @ M @ R, R.T @ M)
 
 
-def _modal(M: np.ndarray, w: np.ndarray, X: np.ndarray, part: Part) -> np.ndarray:
+def _modal(M: np.ndarray, w: np.ndarray, X: np.ndarray, part: Part, numbers: np.ndarray) -> np.ndarray:
     law, value = part.law
     zeta = {
         "modal": lambda: np.full(w.size, value),
-        "per_mode": lambda: np.array(value)[np.minimum(np.arange(w.size), len(value) - 1)],
+        "per_mode": lambda: np.array(value)[np.minimum(numbers, len(value) - 1)],
         "table": lambda: np.interp(w / (2 * np.pi), *np.array(value).T),
     }[law]()
     MX = M @ X
