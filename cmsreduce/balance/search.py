@@ -180,10 +180,10 @@ class _Search:
                     truncated[name] = min(self.modes(first), truncated.get(name, self.modes(first)))
                     best = min(best, first, key=self.modes)
         kept = self._pruned(best)
-        # Starting from all modes often gives the same; exchanges follow only where it gives fewer.
-        other = self._pruned(everything)
-        if below is None or min(self.modes(kept), self.modes(other)) < _HOPELESS * below:
+        if below is None or self.modes(kept) < _HOPELESS * below:
             kept = self._settled(kept)
+            # Starting from all modes often gives the same; exchanges follow only where it gives fewer.
+            other = self._pruned(everything)
             if self.modes(other) < self.modes(kept):
                 kept = self._settled(other)
         nearest = self._nearest(kept)
