@@ -272,7 +272,8 @@ class FEModel:
             at = int(diagonal.argmin())
             raise MatrixError(
                 f"{where} is not positive semidefinite: its diagonal is {diagonal[at]:.6g} at row {at + 1} "
-                f"({self.dofs.labels[at]}). Check its sign and its source: a structure gives no energy"
+                f"({self.dofs.labels[at]}). Check its sign and its source: a structure returns no more energy than it "
+                "takes up"
             )
         _refuse_penalties(A, self.dofs, where)
         return A if exact and A.data.all() else _combined(A, mirrored, 1.0, paired) * 0.5
