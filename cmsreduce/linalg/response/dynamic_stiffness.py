@@ -98,13 +98,13 @@ class DynamicStiffness:
         [A -C; -C -A] [y; z] = [load; 0] are symmetric, so that `factorise` takes its order, its memory limit and its
         solvers. A local C adds little to two factors of A. The residual is measured, and the motions are refined.
         """
-        A, C = self._parts(omega)
+        (A, C), Z = self._parts(omega), self.at(omega)
         if C is not None and is_gyroscopic(self.D):
             try:
-                factor = spla.splu(self.at(omega), **_GYROSCOPIC)
+                factor = spla.splu(Z, **_GYROSCOPIC)
             except RuntimeError:
                 raise ResonanceError(omega) from None
-            return _refined(self.at(omega), lambda f: np.array(factor.solve(f), dtype=np.complex128), load, omega)
+            return _refined(Z, lambda f: np.array(factor.solve(f), dtype=np.complex128), load, omega)
         if C is not None and (moved := through_real_factor(A, C, load)) is not None:
             return moved
         real = A if C is None else sp.csc_array(sp.block_array([[A, -C], [-C, -A]]))
@@ -123,7 +123,7 @@ class DynamicStiffness:
         found = np.empty(load.shape, dtype=np.complex128)
         for first in range(0, load.shape[1], BLOCK):
             part = slice(first, first + BLOCK)
-            found[:, part] = _refined(self.at(omega), motions, load[:, part], omega)
+            found[:, part] = _refined(Z, motions, load[:, part], omega)
         return found
 
     def _parts(self, omega: float) -> tuple[sp.csc_array, sp.csc_array | None]:

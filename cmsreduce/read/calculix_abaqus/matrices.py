@@ -74,7 +74,7 @@ def _load(path: Path, format: str) -> LabelledMatrix:
         )
     n = int(where.max())
     check_size(path, path.stem, n, n, len(text))
-    A = _matrix(path, where - 1, value, n, lambda i: str(i + 1))
+    A = _matrix(path, where - 1, factor * value, n, lambda i: str(i + 1))
     return LabelledMatrix(mirrored(A), path.stem, path, format, rounding_of_printed(printed))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
+from cmsreduce.mechanics import rigid_mass_matrix
 from cmsreduce.model import INERTIA_LOADS, SQUARES, UNDETERMINED, ModalIntegrals, ModalStiffening, SecondOrder, Units
 from cmsreduce.write.component.component_file import ComponentFile
 from cmsreduce.write.component.integrals import stored_stiffening
@@ -28,6 +29,8 @@ SAME_MASS = 1e-9
 integrals over another mass by per cents (theory section 8)."""
 # Relative to a unit length and a direction: two equal frames differ by round-off of their axes.
 _SAME_FRAME = 1e-12
+# Relative to the momentum of a rigid motion of the same kinetic energy: mean axes leave round-off.
+_NO_MOMENTUM = 1e-8
 _LARGEST_ID = 2**31 - 1
 # Rigid motions of a floating frame.
 _SIX = 6
@@ -89,8 +92,8 @@ class FlexibleBody:
         return np.stack([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
 
     def in_si(self, units: Units) -> FlexibleBody:
-        """The body in metres, kilograms and seconds, from other units; a modal mass of 1 becomes 1 kg m^2."""
-        # Modal coordinates grow by the root of the unit of mass times that of length.
+        """The body in metres, kilograms and seconds, from other units; a modal mass of 1 stays 1."""
+        # Shapes that are normalised by mass are in the unit of mass to the power -1/2.
         shape = 1 / np.sqrt(units.mass)
         at, length = self.integrals, units.length
         integrals = replace(
@@ -115,6 +118,14 @@ class FlexibleBody:
             translation=self.translation * shape,
             rotation=self.rotation * (shape / length),
         )
+
+    @property
+    def has_momentum(self) -> bool:
+        """True if the modes have linear or angular momentum, as they have in any frame but mean axes."""
+        momentum = np.vstack([self.integrals.phi, self.integrals.r_cross_phi])
+        rigid = np.sqrt(np.diagonal(rigid_mass_matrix(self.integrals)))[:, None]
+        largest = _NO_MOMENTUM * np.max(rigid * np.sqrt(self.mass.diagonal()), initial=0.0)
+        return bool(abs(momentum).max(initial=0.0) > largest)
 
     @property
     def static_count(self) -> int:

@@ -11,21 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.mechanics import mass_points, rigid_mass_matrix
+from cmsreduce.mechanics import mass_points
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
 from cmsreduce.write.files import number, put_lines
 from cmsreduce.write.targets.nodal import NodalMass, nodal_mass
 
-__all__ = ["MbdynDialect", "has_momentum", "write_mbdyn"]
+__all__ = ["MbdynDialect", "write_mbdyn"]
 
 MbdynDialect = Literal["points", "invariants", "lumped", "first-order"]
 """Group 11 of mass points, or of the lumped mass of all nodes, which every version reads; groups 14 to 18 of recent
 versions; or groups 9, 10, 12 and 13 alone, which every version reads, for modes without momentum."""
 
 _RIGID = 12  # group whose first row is one number, the mass
-# Relative to the momentum of a rigid motion of the same kinetic energy: mean axes leave round-off.
-_NO_MOMENTUM = 1e-8
 
 Array = NDArray[np.float64]
 
@@ -132,22 +130,13 @@ def _points(body: FlexibleBody) -> tuple[FlexibleBody, dict[int, tuple[str, Arra
 
 def _first_order(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
     """Groups of the consistent mass; without groups 11 and 14 to 18 the modes do not act on the rigid motion."""
-    if has_momentum(body):
+    if body.has_momentum:
         raise WriteError(
             f"component '{body.name}': the dialect first-order leaves out the momentum of the modes, and these have "
             "some; write the body about mean axes: `--for mbdyn-1.7.3-first-order`, or "
             "`write: {frame: {kind: mean-axis}}`"
         )
     return _consistent(body)
-
-
-def has_momentum(body: FlexibleBody) -> bool:
-    """True if the modes have linear or angular momentum, as they have in any frame but mean axes."""
-    integrals = body.integrals
-    momentum = np.vstack([integrals.phi, integrals.r_cross_phi])
-    rigid = np.sqrt(np.diagonal(rigid_mass_matrix(integrals)))[:, None]
-    largest = _NO_MOMENTUM * np.max(rigid * np.sqrt(body.mass.diagonal()), initial=0.0)
-    return bool(abs(momentum).max(initial=0.0) > largest)
 
 
 def _consistent(body: FlexibleBody) -> dict[int, tuple[str, Array]]:

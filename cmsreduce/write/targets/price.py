@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from cmsreduce.mechanics import rigid_mass_matrix
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
-from cmsreduce.write.targets.mbdyn import has_momentum
 from cmsreduce.write.targets.nodal import nodal_mass
 from cmsreduce.write.targets.radioss import left_out
 
@@ -38,7 +37,7 @@ def price_of(
         return ()
     if target == "exudyn" and component.arrays["modes/damping"].any():
         return (f"{component.name}: {_UNDAMPED}",)
-    if target == "42" and has_momentum(flexible_body(component, integrals)):
+    if target == "42" and flexible_body(component, integrals).has_momentum:
         return (f"{component.name}: {_MEAN_AXES}",)
     if (target, dialect) == ("mbdyn", "lumped"):
         return (lumped_price(component, integrals),)
