@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
+from cmsreduce.linalg.sparse import principal_part
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, UntiedMass, cross_matrix, rigid_body_shapes
 
 __all__ = ["Tie", "tie_nodes"]
@@ -195,8 +196,9 @@ def _transformation(
     place[stay] = np.arange(stay.size)
     columns = np.concatenate([stay.size + np.arange(6), place[rest]])
     follow = np.hstack([by_point, by_rest])
-    i = np.concatenate([stay, np.repeat(gone, columns.size)])
-    j = np.concatenate([np.arange(stay.size), np.tile(columns, gone.size)])
+    # Long indices would pass to every product with it, and so to the matrices of the body.
+    i = np.concatenate([stay, np.repeat(gone, columns.size)]).astype(np.int32)
+    j = np.concatenate([np.arange(stay.size), np.tile(columns, gone.size)]).astype(np.int32)
     T = sp.csr_array((np.concatenate([np.ones(stay.size), follow.ravel()]), (i, j)), shape=(n, stay.size + 6))
     T.eliminate_zeros()
     return T
@@ -245,7 +247,7 @@ def _congruent(A: sp.csc_array, T: sp.csr_array, stay: NDArray[np.int64], gone: 
     T is the identity on the rows that stay, so that their entries are copied, and products are those of the others.
     """
     m, follow = T.shape[1], T[gone]
-    kept = _grown(A[:, stay][stay], m)
+    kept = _grown(principal_part(A, stay), m)
     moved = sp.csc_array(A[:, gone] @ follow)
     beside, own = _grown(moved[stay], m), follow.T @ moved[gone]
     changes = sp.csc_array(beside + beside.T + 0.5 * (own + own.T))

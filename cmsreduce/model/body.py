@@ -238,6 +238,9 @@ class FEModel:
         """Matrix made exactly symmetric; refused if it is not finite, not symmetric or has a negative diagonal."""
         n, where = len(self.dofs), f"body '{self.name}': {what}"
         A = sp.csc_array(A, dtype=np.float64)
+        if A.indices.dtype != np.int32 and A.nnz <= np.iinfo(np.int32).max:
+            # All that is made of the matrix has as long indices: half as long ones are three quarters of its memory.
+            A = sp.csc_array((A.data, A.indices.astype(np.int32), A.indptr.astype(np.int32)), shape=A.shape)
         A.sum_duplicates()
         if A.shape != (n, n):
             raise MatrixError(

@@ -83,6 +83,14 @@ def lagrange(body: FEModel, position: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_a_tied_body_keeps_short_indices(cantilever, kind):
+    """Half as much memory as of long ones, and no copy of them in each product and factor."""
+    tied = tie_nodes(cantilever, "end", Tie(kind))
+    assert cantilever.K.indices.dtype == np.int32
+    assert {A.indices.dtype for A in (tied.K, tied.M, tied.tied.T)} == {np.dtype(np.int32)}
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_tied_cantilever_bends_as_a_beam(cantilever, kind):
     """Cubic bending with Timoshenko's shear; bricks of this shape are 2 % too stiff in bending.
 

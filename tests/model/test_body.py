@@ -109,3 +109,14 @@ def test_inertias(inertia, exists):
 def test_masses(mass):
     with pytest.raises(MatrixError, match="is not positive"):
         RigidBody("r", mass, np.zeros(3), np.eye(3))
+
+
+def test_matrices_made_of_long_indices_have_short_ones():
+    """Entries with coordinates of 64 bits, as numpy counts: all matrices made of the body's would be longer, too."""
+    at = np.arange(3)
+    long = sp.csc_array(sp.coo_array((GOOD.diagonal(), (at, at)), shape=(3, 3)))
+    assert long.indices.dtype == np.int64
+    body = FEModel("b", long, long, DOFS, D=long)
+    for A in (body.K, body.M, body.D):
+        assert A.indices.dtype == A.indptr.dtype == np.int32
+        assert np.array_equal(A.toarray(), GOOD)

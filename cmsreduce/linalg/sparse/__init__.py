@@ -24,7 +24,7 @@ from cmsreduce.linalg.sparse.flexibility import (
     motions_held,
     rough_solve,
 )
-from cmsreduce.linalg.sparse.parts import part, share_order, shifted_matrix
+from cmsreduce.linalg.sparse.parts import part, principal_part, share_order, shifted_matrix
 from cmsreduce.linalg.sparse.refined_factor import RefinedFactor
 
 __all__ = [
@@ -45,6 +45,7 @@ __all__ = [
     "installed_backends",
     "motions_held",
     "part",
+    "principal_part",
     "rough_solve",
     "share_order",
     "shifted_matrix",

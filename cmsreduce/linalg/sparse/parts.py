@@ -13,7 +13,10 @@ from cmsreduce.linalg.sparse.factorisation import LARGE, installed
 from cmsreduce.linalg.sparse.lower_triangle import nonzero_pattern
 from cmsreduce.multifrontal import dissection_installed, nested_dissection
 
-__all__ = ["part", "share_order", "shifted_matrix"]
+__all__ = ["part", "principal_part", "share_order", "shifted_matrix"]
+
+# Columns in a block: temporary arrays stay in the cache, and take no new memory.
+_COLUMNS = 4096
 
 
 def share_order(A: sp.csc_array, *, borrowed: bool = False) -> NDArray[np.int64] | None:
@@ -47,6 +50,37 @@ def share_order(A: sp.csc_array, *, borrowed: bool = False) -> NDArray[np.int64]
     return np.asarray(order, dtype=np.int64)
 
 
+def principal_part(A: sp.csc_array, rows: NDArray[np.integer[Any]]) -> sp.csc_array:
+    """Some rows of a matrix and the columns of the same numbers, in one pass over its entries.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+    rows : (k,) int
+        Ascending.
+
+    Returns
+    -------
+    (k, k) sparse array
+    """
+    place = np.full(A.shape[0], -1, dtype=A.indices.dtype)
+    place[rows] = np.arange(rows.size)
+    # Pages of an array that nothing is written to take no memory: the longest there can be, cut to size afterwards.
+    data, row = np.empty(A.nnz), np.empty(A.nnz, dtype=A.indices.dtype)
+    starts, done = np.zeros(rows.size + 1, dtype=A.indptr.dtype), 0
+    for first in range(0, rows.size, _COLUMNS):
+        columns = rows[first : first + _COLUMNS]
+        begin, end = A.indptr[columns[0]], A.indptr[columns[-1] + 1]
+        found = place[A.indices[begin:end]]
+        between = place[columns[0] : columns[-1] + 1] >= 0
+        inside = (found >= 0) & np.repeat(between, np.diff(A.indptr[columns[0] : columns[-1] + 2]))
+        before = np.concatenate([[0], np.cumsum(inside)])
+        starts[first + 1 : first + 1 + columns.size] = done + before[A.indptr[columns + 1] - begin]
+        here = slice(done, done := done + int(before[-1]))
+        data[here], row[here] = A.data[begin:end][inside], found[inside]
+    return sp.csc_array((data[:done], row[:done], starts), shape=(rows.size, rows.size))
+
+
 def part(A: sp.csc_array, rows: NDArray[np.integer[Any]], order: NDArray[np.int64] | None = None) -> sp.csc_array:
     """Rows and columns of a symmetric matrix; nested dissection of the whole is one of the part, too.
 
@@ -63,8 +97,7 @@ def part(A: sp.csc_array, rows: NDArray[np.integer[Any]], order: NDArray[np.int6
     -------
     (k, k) sparse array
     """
-    # Columns are cut out at once, rows entry by entry.
-    inner, order = sp.csc_array(A[:, rows][rows]), share_order(A) if order is None else order
+    inner, order = principal_part(A, rows), share_order(A) if order is None else order
     if order is not None:
         place = np.full(A.shape[0], -1, dtype=np.int64)
         place[rows] = np.arange(rows.size)

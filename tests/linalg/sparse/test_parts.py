@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from cmsreduce.linalg import sparse
 from cmsreduce.linalg.machine import SolverSettings, settings, solver_settings
-from cmsreduce.linalg.sparse import determinate_dofs, factorise, part, share_order
+from cmsreduce.linalg.sparse import determinate_dofs, factorise, part, principal_part, share_order
 
 
 def plate(side: int) -> sp.csc_array:
@@ -42,6 +42,19 @@ def test_a_part_is_factorised_in_the_order_of_the_whole(large, monkeypatch):
     assert np.linalg.norm(inner @ factor(b) - b) <= 1e-12 * np.linalg.norm(b)
     own = factorise(inner)
     assert factor.cost.nnz <= 1.3 * own.cost.nnz
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.01, 0.5, 1.0])
+def test_rows_and_columns_are_cut_out_over_several_blocks(kept):
+    """Unsymmetric, so that rows are not taken for columns; 9000 columns are three blocks."""
+    rng = np.random.default_rng(3)
+    A = sp.random_array((9000, 9000), density=1e-3, format="csc", rng=rng)
+    rows = np.flatnonzero(rng.random(9000) < kept)
+    inner, wanted = principal_part(A, rows), A[rows][:, rows]
+    inner.check_format()
+    assert inner.shape == wanted.shape
+    assert inner.nnz == wanted.nnz
+    assert (inner != wanted).nnz == 0
 
 
 def test_a_matrix_may_borrow_the_order_of_another_of_as_many_rows(large):
