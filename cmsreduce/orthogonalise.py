@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError, MatrixError
-from cmsreduce.linalg.blocks import absolute_parts, column_blocks, combine, combined, congruence, row_blocks
+from cmsreduce.linalg.blocks import absolute_parts, column_blocks, combine, combined, congruence, one_norm, row_blocks
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, refine
 from cmsreduce.mechanics import refuse_gain, refuse_overdamped, without_drag
 from cmsreduce.model import (
@@ -255,9 +255,12 @@ def _rank_and_condition(component: ReducedComponent) -> tuple[int, float]:
     K, M, Phi = component.K, component.M, component.modes.Phi
     if not K.shape[0]:
         return 0, 1.0
-    # Shapes that are all rigid motion have a stiffness of rounding, which is none.
-    hidden = _REPEATS * np.finfo(float).eps * absolute_parts(component.body.K, Phi).sum()
-    strain = K / K.trace() if K.trace() > hidden else np.zeros_like(K)
+    # Shapes that are all rigid motion have a stiffness of rounding, which is none. Most others exceed a rough bound of
+    # it, which takes no product.
+    parts = one_norm(component.body.K) * np.einsum("ij,ij->", Phi, Phi)
+    bare = K.trace() / (_REPEATS * np.finfo(float).eps)
+    strained = bare > parts or bare > absolute_parts(component.body.K, Phi).sum()
+    strain = K / K.trace() if strained else np.zeros_like(K)
     energy = strain + M / (M.trace() or 1.0)
     own = energy.diagonal()
     size = np.sqrt(np.where(own > 0, own, 1.0))

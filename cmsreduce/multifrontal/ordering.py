@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterator
 from functools import cache
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +21,8 @@ _ALIKE, _MOST = 0.7, 6
 # A row that is coupled with more groups than these limits (the first is a multiple of the root of their number) would
 # belong to every separator. It is ordered last, as minimum-degree codes do.
 _DENSE, _DENSE_AT_LEAST = 10.0, 16
+# Rows that are compared at a time.
+_RUN = 4096
 
 
 @cache
@@ -94,16 +98,25 @@ def row_groups(A: sp.csc_array) -> NDArray[np.int64]:
     length = np.diff(pattern.indptr)
     key = np.random.default_rng(_SEED).integers(0, 2**64, n, dtype=np.uint64)
     # Sums of unsigned integers wrap around. Each row has an entry, so that no sum takes that of the next row.
-    total = np.add.reduceat(key[columns], start)
+    total = np.concatenate([np.add.reduceat(key[columns[own]], at) for _, own, at in _runs_of(pattern)])
     _, first, number = np.unique(total, return_index=True, return_inverse=True)
     like = first[number]
     same_length = length == length[like]
     # A row of another length is compared with itself here and separated below.
-    shift = np.where(same_length, start[like] - start, 0)
-    same = np.logical_and.reduceat(columns == columns[np.arange(columns.size) + np.repeat(shift, length)], start)
+    shift, same = np.where(same_length, start[like] - start, 0), np.empty(n, dtype=bool)
+    for rows, own, at in _runs_of(pattern):
+        others = np.arange(own.start, own.stop) + np.repeat(shift[rows], length[rows])
+        same[rows] = np.logical_and.reduceat(columns[own] == columns[others], at)
     like = np.where(same & same_length, like, np.arange(n))
     # Groups are numbered by their first rows: neighbours stay near each other.
     return np.asarray(np.unique(like, return_inverse=True)[1], dtype=np.int64)
+
+
+def _runs_of(pattern: sp.csc_array) -> Iterator[tuple[slice, slice, NDArray[np.integer[Any]]]]:
+    """Rows in runs, so that temporary arrays stay short: the rows, their entries, and the starts of rows in these."""
+    for first in range(0, pattern.shape[0], _RUN):
+        starts = pattern.indptr[first : first + _RUN + 1]
+        yield slice(first, first + starts.size - 1), slice(int(starts[0]), int(starts[-1])), starts[:-1] - starts[0]
 
 
 def _vertices(A: sp.csc_array) -> NDArray[np.int64]:
