@@ -77,7 +77,7 @@ class BenfieldHruda(Reduction):
         own = _own_motions(body, w, shapes)
         w, shapes = w[own], chosen_columns(shapes, own)
         # The body itself is factorised only if a load needs its response.
-        flexibility = cache(lambda: elastic_solve(body, rigid))
+        flexibility = cache(lambda: elastic_solve(body, rigid, interface))
 
         def solve(f: Array) -> Array:
             return flexibility()(f)

@@ -45,6 +45,8 @@ class ResponseBody:
         Orthonormal combinations of the motions of these points on which forces act, or that are measured.
     loads : (n, l) float64 or sparse array
         Loads whose static shapes are the first shapes.
+    interface : (i,) int64, optional
+        Rows of the interface, as of `elastic_solve`.
 
     Notes
     -----
@@ -53,9 +55,17 @@ class ResponseBody:
     up to rigid momentum, so that three small matrices hold all energies.
     """
 
-    def __init__(self, body: FEModel, rigid: Array, alone: Substructure, acting: Array, loads: Array | sp.csc_array):
+    def __init__(
+        self,
+        body: FEModel,
+        rigid: Array,
+        alone: Substructure,
+        acting: Array,
+        loads: Array | sp.csc_array,
+        interface: NDArray[np.int64] | None = None,
+    ) -> None:
         self.body, self.rigid, self._alone = body, rigid, alone
-        self._flexibility = elastic_solve(body, rigid)
+        self._flexibility = elastic_solve(body, rigid, interface)
         self._momentum = np.asarray(body.M @ rigid)
         self._motions = sp.csr_array(sp.vstack([sp.csr_array(rows) for rows in alone.motion.values()]))
         self.acting = acting

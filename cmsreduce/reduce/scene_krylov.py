@@ -64,4 +64,4 @@ class SceneKrylov(Reduction):
             Phi=Phi,
         )
         inertia = Loads(shapes.shape[1], lambda part: body.M @ shapes[:, part])
-        return Basis(modes, elastic_solve(body, rigid), body.K, (shapes,), inertia, np.arange(body.n))
+        return Basis(modes, elastic_solve(body, rigid, interface), body.K, (shapes,), inertia, np.arange(body.n))

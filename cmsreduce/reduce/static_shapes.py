@@ -21,7 +21,7 @@ from cmsreduce.linalg.blocks import (
     row_blocks,
     symmetric_product,
 )
-from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, Solve, factorise
+from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, Solve, factorise, held_factor
 from cmsreduce.model import FEModel
 
 __all__ = ["Loads", "elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]
@@ -149,10 +149,16 @@ def independent_columns(G: Array, share: float) -> Rows:
 
 
 def elastic_solve(body: FEModel, rigid: Array, interface: Rows | None = None) -> Solve:
-    """Flexibility of a body as it is: elastic where it is free to move, K^-1 where it is held."""
+    """Flexibility of a body as it is: elastic where it is free to move, K^-1 where it is held.
+
+    With the rows of the interface, as of `held_factor`, the factor is the one that proved the stiffness of the body.
+    """
     if rigid.shape[1]:
         return ElasticFlexibility(body.K, body.M, rigid, interface)
-    return factorise(body.K, what=f"body '{body.name}': the stiffness", kept=True)
+    what = f"body '{body.name}': the stiffness"
+    if interface is None:
+        return factorise(body.K, what=what, kept=True)
+    return held_factor(body.K, rigid, what, interface)[-1]
 
 
 def unit_loads(n: int, rows: Rows, others: Array | None = None) -> sp.csc_array:

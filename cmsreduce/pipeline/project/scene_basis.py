@@ -108,7 +108,7 @@ class SceneBasis:
             rows[:, still] = 0.0
             acting = _orthonormal_rows(rows)
             loads = _static_loads(each, alone[name], acting)
-            self.bodies[name] = ResponseBody(each.body, each.rigid, alone[name], acting, loads)
+            self.bodies[name] = ResponseBody(each.body, each.rigid, alone[name], acting, loads, each.ports.interface)
 
     def _fits(self, configuration: Configuration) -> bool:
         """The loops of the scene close at these angles."""
