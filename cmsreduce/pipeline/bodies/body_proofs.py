@@ -76,10 +76,10 @@ class Proven:
 @diagnostic(
     "the count of motions of negative energy of '{}'",
     lambda: {"stiffness": None, "mass": None},
-    about=lambda body, _: body.name,
+    about=lambda body, *_: body.name,
     required=True,
 )
-def definite(body: FEModel, proven: Array | None) -> dict[str, int | None]:
+def definite(body: FEModel, proven: Array | None, as_read: FEModel | None = None) -> dict[str, int | None]:
     """Motions of negative energy of stiffness and mass; None where a factorisation does not count them.
 
     Parameters
@@ -88,11 +88,16 @@ def definite(body: FEModel, proven: Array | None) -> dict[str, int | None]:
         The body.
     proven : (n, r) float64, optional
         Motions without stiffness, if a factorisation has proven that K resists all others.
+    as_read : FEModel, optional
+        The body before its ties.
     """
     stiffness = 0 if proven is not None else negative_directions(body.K, body.stiffness_rounding)
     smallest = lumps(body)
     if smallest is None:
-        return {"stiffness": stiffness, "mass": negative_directions(body.M, body.rounding, body.dofs.component)}
+        # Ties keep energy; before them the three directions of a solid are not coupled, and one of them tells all.
+        as_read = as_read or body
+        mass = negative_directions(as_read.M, as_read.rounding, as_read.dofs.component)
+        return {"stiffness": stiffness, "mass": mass}
     limit = -max(_DEFINITE, _DIGITS * body.rounding)
     return {"stiffness": stiffness, "mass": int((smallest < limit).sum())}
 

@@ -154,7 +154,7 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     rounding = body.stiffness_rounding
     rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), rounding, name, proven, prove=not large)
     _check_grounded(body, rigid)
-    negative = definite(body, proven)
+    negative = definite(body, proven, as_read)
     units = part.units_in(scene.units)
     solid = None if cells is None else solid_material(as_read, cells, order)
     density = "" if solid is None else solid.to_compare(units)

@@ -380,6 +380,19 @@ def test_a_mass_with_negative_energy_is_refuted(tmp_path: Path, consistent: bool
     assert proof.state == "refuted" and "negative energy" in proof.remark
 
 
+def test_a_tie_hides_no_mass_with_negative_energy(tmp_path: Path) -> None:
+    """The node of negative energy is in a face that follows a point: no motion that is left shows it."""
+    end = np.flatnonzero(BRICK.nodes.xyz[:, 0] == 1.5)
+    at = int(BRICK.nodes.id[end[0]])
+    rows = BRICK.dofs.rows(at, [1, 2])
+    extra = sp.csc_array(([3.0 * BRICK.M[rows[0], rows[0]]] * 2, (rows, rows[::-1])), shape=BRICK.M.shape)
+    tie = f"    interfaces: {{end: {{nodes: {BRICK.nodes.id[end].tolist()}, tie: rigid}}}}\n"
+    found = opened(tmp_path, replace(BRICK, M=sp.csc_array(BRICK.M + extra)), [], tie)
+    assert np.linalg.eigvalsh(found.body.M.toarray())[0] > 0
+    proof = proof_of(found, "mass")
+    assert proof.state == "refuted" and "negative energy" in proof.remark
+
+
 def test_a_planar_body_is_compared_along_its_rows_only(tmp_path: Path) -> None:
     xyz = [[0, 0, 0], [0.5, 0, 0], [1, 0.2, 0], [1.2, 0.7, 0], [0.6, 0.9, 0]]
     whole = frame("part", xyz, [(1, 2), (2, 3), (3, 4), (4, 5), (5, 1)])
