@@ -17,7 +17,7 @@ from cmsreduce.linalg.blocks.basis import (
 )
 from cmsreduce.linalg.blocks.products import (
     Product,
-    absolute,
+    absolute_product,
     column_blocks,
     congruence,
     one_norm,
@@ -40,8 +40,8 @@ from cmsreduce.linalg.blocks.tall_blocks import (
 __all__ = [
     "Product",
     "SearchSpace",
-    "absolute",
     "absolute_parts",
+    "absolute_product",
     "by_columns",
     "by_rows",
     "column_blocks",

@@ -9,7 +9,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import absolute, symmetric_product
+from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.linalg.eigen.pencil import energy_parts
 from cmsreduce.model import ARITHMETIC, CONDENSATION, DOUBLE, PRINTED
 
@@ -28,12 +28,17 @@ _RIGID_FACTOR = 1e4
 
 
 class Geometric(NamedTuple):
-    """Rigid-body shapes of the geometry that K does not resist (n, r), with their energy shares; and the others."""
+    """Rigid-body shapes of the geometry that K does not resist (n, r), with their energy shares; and the others.
+
+    ``coarse`` is True if K resists the free ones by more than its own errors: digits of the coordinates limit them, not
+    those of K. Such shapes couple with soft modes. The motions of K near them do not.
+    """
 
     free: Array
     share: Array
     resisted: Array
     energy: Array
+    coarse: bool
 
 
 def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geometric:
@@ -41,33 +46,25 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
     lengths = np.empty(0) if R is None else np.linalg.norm(R, axis=0)
     if R is None or not lengths.any():
         none = np.empty((K.shape[0], 0))
-        return Geometric(none, np.empty(0), none, np.empty(0))
+        return Geometric(none, np.empty(0), none, np.empty(0), False)
     Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
     Q = Q[:, s > DEPENDENT * s.max()]
     force = symmetric_product(K)(Q)
     _, s, vt = la.svd(force, full_matrices=False)
-    shapes = Q @ vt.T
-    energy, sizes = np.einsum("ij,ij->j", shapes, force @ vt.T), abs(shapes)
+    shapes, force = Q @ vt.T, force @ vt.T
+    energy, sizes = np.einsum("ij,ij->j", shapes, force), abs(shapes)
     # The 1-norm of K is the largest force if every dof moves by one and nothing cancels.
-    parts = symmetric_product(absolute(K))(np.hstack([sizes, np.ones((K.shape[0], 1))]))
+    parts = absolute_product(K)(np.hstack([sizes, np.ones((K.shape[0], 1))]))
     unforced = s <= _RIGID_FACTOR * max(rounding, DOUBLE) * parts[:, -1].max()
     share = _share(energy, np.einsum("ij,ij->j", sizes, parts[:, :-1]))
     # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
     limit = max(LEFT_BY_FILE * rounding, CONDENSATION)
     rigid = unforced & is_rounding(share, limit)
-    return Geometric(shapes[:, rigid], share[rigid], shapes[:, ~rigid], energy[~rigid])
-
-
-def printed_coarsely(K: sp.csc_array, shapes: Array, rounding: float) -> bool:
-    """True if K resists rigid shapes by more than its own errors: digits of the coordinates limit them, not those of K.
-
-    Such shapes couple with soft modes. The motions of K near them do not.
-    """
     own, error = np.sqrt(abs(K.diagonal())), max(rounding, DOUBLE)
-    sizes = abs(shapes)
-    scale = own[:, None] * (own[:, None] * sizes).max(axis=0, initial=0.0)
-    explained = 2 * PRINTED * error * symmetric_product(absolute(K))(sizes) + max(ARITHMETIC, error) * scale
-    return bool((abs(symmetric_product(K)(shapes)) > explained).any())
+    scale = own[:, None] * (own[:, None] * sizes[:, rigid]).max(axis=0, initial=0.0)
+    explained = 2 * PRINTED * error * parts[:, :-1][:, rigid] + max(ARITHMETIC, error) * scale
+    coarse = bool((abs(force[:, rigid]) > explained).any())
+    return Geometric(shapes[:, rigid], share[rigid], shapes[:, ~rigid], energy[~rigid], coarse)
 
 
 def is_rounding(share: Array, left: float) -> NDArray[np.bool_]:

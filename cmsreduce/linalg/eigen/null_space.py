@@ -14,7 +14,6 @@ from cmsreduce.linalg.eigen.geometric_motions import (
     energy_share,
     geometric_motions,
     is_rounding,
-    printed_coarsely,
 )
 from cmsreduce.linalg.eigen.held_stiffness import HeldStiffness
 from cmsreduce.linalg.sparse import SOUND_PIVOT, Factor, NotPositiveDefiniteError, factorise
@@ -136,10 +135,13 @@ def rigid_body_modes(
     """
     if proven is None and prove and K.shape[0] > _DENSE_LIMIT:
         proven = only_motions(K, R, rounding)
-    shapes = geometric_motions(K, R, rounding).free if proven is None else proven
-    N = _null_motions(K, rounding, shapes) if proven is None else proven
+    if proven is None:
+        shapes, *_, coarse = geometric_motions(K, R, rounding)
+        N = _null_motions(K, rounding, shapes)
+    else:
+        shapes, N, coarse = proven, proven, False
     geometric = shapes.shape[1]
-    mechanisms, coarse = N.shape[1] > geometric, proven is None and printed_coarsely(K, shapes, rounding)
+    mechanisms = N.shape[1] > geometric
     held = _hold(K, N) if mechanisms or coarse else None
     if coarse and held is not None:
         shapes = held.solved(shapes)
@@ -203,7 +205,7 @@ def only_motions(
     (n, r) float64 or None
         None if K may have a mechanism, or a soft motion that only `stiffness_null_space` distinguishes from one.
     """
-    shapes, share, resisted, energy = geometric_motions(K, R, rounding)
+    shapes, share, resisted, energy, coarse = geometric_motions(K, R, rounding)
     sound = max(SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
     # The last pivot is the least energy of a motion that moves its dof by one; here for a typical dof, relative to its
     # diagonal entry. If it is too small, K may resist the motion only because of the digits of the coordinates.
@@ -216,7 +218,7 @@ def only_motions(
     if held.factor.weakest[1] <= sound:
         return None
     if not weak.any():
-        return held.solved(shapes) if printed_coarsely(K, shapes, rounding) else shapes
+        return held.solved(shapes) if coarse else shapes
     # Motions of K itself near those of the coordinates: if their energy is rounding, K resists none of them.
     own = held.solved(motions)
     free = is_rounding(energy_share(K, own[:, shapes.shape[1] :]), _left_of(share, rounding)).all()

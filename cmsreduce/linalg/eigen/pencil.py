@@ -9,7 +9,7 @@ import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blocks import absolute, symmetric_product
+from cmsreduce.linalg.blocks import absolute_product
 from cmsreduce.model import Matrix
 
 __all__ = [
@@ -262,7 +262,7 @@ def _orthonormal_in_stiffness(K: Array, N: Array, rounding: float) -> Array:
 
 def energy_parts(A: Matrix, X: Array) -> Array:
     """Sum of the absolute terms of the energy x^T A x of each column (k,)."""
-    sizes, X = symmetric_product(absolute(A)) if sp.issparse(A) else abs(A).__matmul__, abs(X)
+    sizes, X = absolute_product(A) if sp.issparse(A) else abs(A).__matmul__, abs(X)
     return np.asarray(np.einsum("ij,ij->j", X, sizes(X)))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import absolute, symmetric_product
+from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.model import SCALAR, FEModel, Finding, cross_matrix, rigid_body_shapes
 from cmsreduce.pipeline.evidence.deck_agreement import masses_move
 
@@ -182,15 +182,13 @@ def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool
     """True for nodes that K couples with no support, which resists translation and takes a part of their momentum."""
     assert body.nodes is not None
     T = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
-    force, parts = (
-        abs(symmetric_product(A)(shapes)).max(axis=1) for A, shapes in ((body.K, T), (absolute(body.K), abs(T)))
-    )
+    force, parts = abs(symmetric_product(body.K)(T)).max(axis=1), absolute_product(body.K)(abs(T)).max(axis=1)
     loud = force > max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * parts
     if body.constrained is not None:
         # Forces of supports along some axes may cancel, as in a plane of symmetry that holds a node on its both sides.
         translations = body.constrained.component[:, None] == np.arange(1, 4)
         partly = np.isin(body.dofs.node, body.constrained.node[translations.any(axis=1)])
-        loud |= symmetric_product(absolute(body.K))(partly[:, None].astype(float))[:, 0] > 0
+        loud |= absolute_product(body.K)(partly[:, None].astype(float))[:, 0] > 0
     return ~np.isin(ids, body.dofs.node[loud])
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import absolute, symmetric_product
+from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.model import FEModel, Finding
 from cmsreduce.pipeline.evidence.deck_agreement import (
     BLIND,
@@ -226,7 +226,7 @@ def _of_solids(
     # A bar gives a force with its other end at this node's place.
     stiff = np.asarray(E @ (stated.stiffness @ flat + force.reshape(-1, len(STRAINS)))) * counted[:, None]
     found = symmetric_product(body.K)(U)[rows] * counted[:, None]
-    allowed = symmetric_product(absolute(body.K))(errors)[rows] * counted[:, None]
+    allowed = absolute_product(body.K)(errors)[rows] * counted[:, None]
     beyond = np.maximum(abs(found - stiff) - allowed, 0.0)
     sums = [np.bincount(of, np.sum(part, axis=1)) for part in (beyond**2, allowed**2, found * stiff, stiff**2)]
     off, noise, product, square = sums

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import absolute, symmetric_product
+from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.model import ARITHMETIC, CONDENSATION, DOUBLE, PRINTED, DofTable, Nodes, rigid_body_shapes, spread_noise
 
 __all__ = ["RigidResidual", "rigid_residual"]
@@ -133,7 +133,7 @@ def rigid_residual(
     own = np.sqrt(np.abs(K.diagonal()))
     scale = own[:, None] * np.max(own[:, None] * np.abs(shapes), axis=0, initial=0.0)
     misplaced = _misplaced(dofs, nodes, arms)
-    of_each = symmetric_product(absolute(K))(np.hstack([np.abs(shapes), misplaced]))
+    of_each = absolute_product(K)(np.hstack([np.abs(shapes), misplaced]))
     terms, (round_off, shifted, twisted, skewed) = of_each[:, : motions.shape[1]], of_each[:, motions.shape[1] :].T
     turn, reach = np.linalg.norm(motions[3:], axis=0) / length, np.linalg.norm(motions[:3], axis=0)
 
