@@ -233,13 +233,12 @@ def report(
     output: Output,
 ) -> None:
     """Write the HTML report of a finished run again, and pictures, shapes and tables as asked for."""
-    from cmsreduce.pipeline import reopen, run_result, write_report
+    from cmsreduce.pipeline import reopened_result, write_report
     from cmsreduce.pipeline.results import export_figures, export_pictures, export_shapes, export_tables
     from cmsreduce.pipeline.store import collecting
     from cmsreduce.report import meaning, worst_error
 
-    run = reopen(run_dir)
-    result = run_result(run, views=True)
+    run, result = reopened_result(run_dir, views=True)
     with collecting() as failures:
         suffixes = [suffix for suffix, asked in ((".png", png), (".svg", svg), (".pdf", pdf)) if asked]
         files = [] if figures else [write_report(result, run_dir, failures)]

@@ -5,7 +5,7 @@ Mathematics belongs in the stages; words for people belong in `report`.
 """
 
 from cmsreduce.pipeline.environment import environment
-from cmsreduce.pipeline.execute import execute, reopen, write_report
+from cmsreduce.pipeline.execute import execute, reopen, reopened_result, write_report
 from cmsreduce.pipeline.inspection import inspected
 from cmsreduce.pipeline.results import run_result
 from cmsreduce.pipeline.run import MODEL, STAGES, Run
@@ -21,6 +21,7 @@ __all__ = [
     "execute",
     "inspected",
     "reopen",
+    "reopened_result",
     "run_result",
     "write_report",
 ]

@@ -13,6 +13,7 @@ from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
     convert_system,
     measured_costs,
+    refuse_other_summary,
     run_result,
     unit_paths,
     with_failures,
@@ -46,7 +47,7 @@ from cmsreduce.write import (
     write_summary,
 )
 
-__all__ = ["execute", "reopen", "write_report"]
+__all__ = ["execute", "reopen", "reopened_result", "write_report"]
 
 
 def execute(
@@ -114,22 +115,25 @@ def execute(
             _ = run.model
         if "verify" in due and run.pipeline.verify is not None:
             _ = run.verified
-        # Only now: a pipeline that cannot be run must not replace the pipeline that the results are from.
-        write_origin(run.folder, source, overrides)
         if last != "write":
             if "assemble" in due:
                 run.stages.written.extend(write_system_file(run))
+            # The results of a whole run keep the pipeline that they are from.
+            if not (run.folder / "summary.json").is_file():
+                write_origin(run.folder, source, overrides)
             return None
         record_outputs(run.folder, outputs)
-        return _results(run, report=report)
+        return _results(run, source, overrides, report=report)
 
 
-def _results(run: Run, *, report: bool) -> RunResult:
+def _results(run: Run, source: Path, overrides: Sequence[str], *, report: bool) -> RunResult:
     """Write the results of a run: summary and report first, then component files and files of other programs."""
     summary, failures = run.folder / "summary.json", run.stages.failures
     result = run_result(run, views=report)
     if run.pipeline.verify is not None and run.pipeline.verify.cost.measure:
         result = with_failures(run, replace(result, speed=measured_costs(run, result.speed)))
+    # Only now: a pipeline that cannot be run must not replace the pipeline that the results are from.
+    write_origin(run.folder, source, overrides)
     write_summary(summary, result)
     if report:
         write_report(result, run.folder, failures)
@@ -153,6 +157,20 @@ def reopen(folder: Path) -> Run:
     """
     facts = read_origin(folder)
     return Run(load_pipeline(Path(facts["pipeline"]), facts["overrides"]), folder, Silent(), only=REPORT)
+
+
+def reopened_result(folder: Path, *, views: bool = False) -> tuple[Run, RunResult]:
+    """A finished run opened again, and its result; ``views`` as of `run_result`.
+
+    Raises
+    ------
+    ReadError
+        If the folder is no run directory, or its summary.json is of other settings than its stages.
+    """
+    run = reopen(folder)
+    result = run_result(run, views=views)
+    refuse_other_summary(folder, result)
+    return run, result
 
 
 @diagnostic("the compression of the plotting library")

@@ -21,7 +21,7 @@ from cmsreduce.pipeline.bodies import (
     effective_masses,
     read_flexible,
 )
-from cmsreduce.pipeline.execute import reopen
+from cmsreduce.pipeline.execute import reopened_result
 from cmsreduce.pipeline.results import (
     body_totals,
     effective_mass_data,
@@ -32,7 +32,6 @@ from cmsreduce.pipeline.results import (
     health_table,
     inspected_body,
     inspected_system,
-    run_result,
     total_data,
     total_lines,
 )
@@ -261,8 +260,7 @@ def _check_data(check: Finding) -> dict[str, Any]:
 
 
 def _run(path: Path) -> Inspected:
-    run = reopen(path)
-    result = run_result(run)
+    run, result = reopened_result(path)
     facts = summary(result)
     kept = ("name", "passed", "components", "configurations", "figures", "controller", "not_checked")
     with collecting(run.stages.failures):

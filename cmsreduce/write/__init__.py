@@ -18,7 +18,7 @@ from cmsreduce.write.own_files import LOG_MARK, record_outputs, refuse_foreign, 
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
 from cmsreduce.write.system import write_system
-from cmsreduce.write.system_file import SystemFile, read_system, system_settings
+from cmsreduce.write.system_file import SystemFile, read_system, stated_settings, system_settings
 from cmsreduce.write.targets import (
     PROFILES,
     TARGETS,
@@ -69,6 +69,7 @@ __all__ = [
     "refuse_shared_names",
     "stored_integrals",
     "summary",
+    "stated_settings",
     "system_settings",
     "unit_binary",
     "verify_seal",

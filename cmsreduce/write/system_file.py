@@ -14,7 +14,7 @@ from cmsreduce.model import Configuration, System, Units
 from cmsreduce.write.seal import verify_seal
 from cmsreduce.write.system import JOINT_BODIES, QUANTITIES, SYSTEM_FORMAT, SYSTEM_FORMAT_VERSION, SYSTEM_MATRICES
 
-__all__ = ["SystemFile", "read_system", "system_settings"]
+__all__ = ["SystemFile", "read_system", "stated_settings", "system_settings"]
 
 _BASE = ("length", "mass", "time")
 
@@ -77,25 +77,42 @@ def read_system(path: Path) -> SystemFile:
         ) from None
 
 
+def stated_settings(path: Path) -> dict[str, Any] | None:
+    """Keys of the pipeline that a system file is from; None if an early version wrote it.
+
+    Raises
+    ------
+    ReadError
+        If the file is damaged, of another format, or was changed after it was written.
+    """
+    import h5py
+
+    sealed = verify_seal(path)
+    with h5py.File(path, "r") as file:
+        if file.attrs.get("format") != SYSTEM_FORMAT or (sealed and "provenance/settings" not in file):
+            raise ReadError(f"{path}: this is no system file of a run; give the output directory of a finished run")
+        if not sealed:
+            return None
+        settings: dict[str, Any] = json.loads(file["provenance/settings"][0])
+        return settings
+
+
 def system_settings(path: Path) -> dict[str, Any]:
     """Keys of the pipeline that a system file is from.
 
     Raises
     ------
     ReadError
-        If the file is missing, damaged, of another format, or was changed after it was written; if an early version
-        wrote it.
+        As `stated_settings`, and if the file is missing, or an early version wrote it.
     """
     import h5py
 
     if not path.is_file():
         raise ReadError(f"{path}: there is no such file; a run with `write: {{formats: [hdf5]}}` leaves it")
-    if not verify_seal(path):
+    settings = stated_settings(path)
+    if settings is None:
         raise ReadError(f"{path}: it has no seal, so an early version wrote it; write it again with `cmsreduce run`")
     with h5py.File(path, "r") as file:
-        if file.attrs.get("format") != SYSTEM_FORMAT or "provenance/settings" not in file:
-            raise ReadError(f"{path}: this is no system file of a run; give the output directory of a finished run")
-        settings: dict[str, Any] = json.loads(file["provenance/settings"][0])
         bodies = [name.decode("utf-8") for name in file["configuration_0/bodies"][()]]
     if list(settings.get("components", ())) != [name for name in bodies if not name.startswith(JOINT_BODIES)]:
         raise ReadError(

@@ -172,14 +172,23 @@ def of_another_run(run: Path) -> None:
         file["modes/omega"][9] *= 1.01
 
 
+def system_of_another_run(run: Path) -> None:
+    with resealed(run / "system.h5") as file:
+        settings = json.loads(file["provenance/settings"][0])
+        del file["provenance/settings"]
+        file["provenance/settings"] = np.bytes_([json.dumps({**settings, "name": "other"})])
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
         (exchanged, "arm.h5: it holds component 'panel', not 'arm'"),
         (lambda run: shutil.copy(run / "arm.h5", run / "panel.h5"), "panel.h5: it holds component 'arm', not 'panel'"),
         (of_another_run, "panel.h5: its modes are not those of summary.json"),
+        (system_of_another_run, "system.h5: it is of another run than "),
+        (lambda run: shutil.copy(run / "arm.h5", run / "system.h5"), "system.h5: this is no system file of a run"),
     ],
-    ids=["files exchanged", "a file copied over another", "a file of another run"],
+    ids=["exchanged", "a body over another", "a body of another run", "system of another run", "body for system"],
 )
 def test_a_sound_file_of_another_body_or_run_is_refused(copied: Path, change, says: str) -> None:
     change(copied)

@@ -30,8 +30,8 @@ def same_results(folder: Path, other: Path) -> None:
 def test_killed_at_every_file(study: Path, finished_study: Path) -> None:
     """The first run dies at its first file, later ones at the one after, as the file before it is finished by then."""
     results = [
-        "stages/origin.json",
         "stages/written.json",
+        "stages/origin.json",
         "summary.json",
         "report.html",
         "arm.h5",

@@ -12,7 +12,8 @@ from click.testing import CliRunner
 
 from cmsreduce.cli import main
 from cmsreduce.errors import ReadError, StageError
-from cmsreduce.pipeline import Run, execute, reopen, run_result
+from cmsreduce.pipeline import Run, execute, reopen, reopened_result, run_result
+from tests.pipeline.study import PIPELINE
 from tests.pipeline.test_reuse import done
 
 READ = {"stages/arm.read.h5", "stages/panel.read.h5"}
@@ -122,6 +123,24 @@ def test_a_refused_pipeline_does_not_take_the_place_of_the_finished_one(
         execute(opened("scene.joints={weld: {connect: [hub.face, arm.root]}}", "scene.articulation=null",
                        "scene.actuators={push: {at: hub.cg, force: [1, 0, 0]}}"), study, ["broken"])  # fmt: skip
     assert reopen(study.parent / "out").pipeline.name == "study"
+
+
+def test_stages_of_other_settings_do_not_take_the_place_of_a_finished_run(
+    opened: Callable[..., Run], study: Path
+) -> None:
+    """Page and summary of one folder would give two verdicts."""
+    out, other = study.parent / "out", "reduce.cutoff=10"
+    first = execute(opened(), study)
+    execute(opened(other), study, [other], until="verify")
+    with pytest.raises(StageError, match="not finished for these inputs and settings"):
+        reopened_result(out)
+    # The pipeline itself is changed, and the results stay those of the one before.
+    changed = PIPELINE.replace("cutoff: 15", "cutoff: 10")
+    execute(opened(text=changed), study, until="verify")
+    with pytest.raises(ReadError, match=r"summary\.json: it is of other settings than the finished stages"):
+        reopened_result(out)
+    execute(opened(text=changed), study)
+    assert first is not None and reopened_result(out)[1].worst() != first.worst()
 
 
 def test_only_a_run_directory_opens_again(study: Path) -> None:

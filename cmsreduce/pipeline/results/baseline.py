@@ -21,17 +21,18 @@ from cmsreduce.pipeline.store import ORIGIN, read_origin
 from cmsreduce.read import expect_kind, file_kind
 from cmsreduce.report import place
 from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
-from cmsreduce.write import ComponentFile, read_component, verify_seal
+from cmsreduce.write import ComponentFile, read_component, stated_settings
 
-__all__ = ["StoredResult", "compare", "open_result"]
+__all__ = ["SAME_RUN", "StoredResult", "compare", "open_result"]
 
 Array = NDArray[np.float64]
 Modes = tuple[Array, ComponentFile | None]
 """Kept elastic modes of one component: frequencies in Hz, and its file, if there is one."""
 
 _COMPONENT_KEYS = {"checks", "frequencies_hz", "kept_modes"}
-# Both files have the digits of double precision.
-_SAME_RUN = 1e-9
+SAME_RUN = 1e-9
+"""Largest relative difference of a figure that two files of one run hold, both in double precision."""
+
 # Modes named in a note; more do not fit a line.
 _NAMED = 4
 # Integrals over modes: axes that count modes, and the rigid mass whose square root bounds them.
@@ -104,12 +105,17 @@ def open_result(path: Path) -> StoredResult:
         whole = False
     if not whole:
         raise ReadError(f"{summary}: this is no summary of a run; run the pipeline again")
-    if (system := summary.parent / "system.h5").is_file():
-        verify_seal(system)
+    system = summary.parent / "system.h5"
+    settings = stated_settings(system) if system.is_file() else None
     beside = {name: summary.parent / f"{name}.h5" for name in facts["components"]}
     files = {name: read_component(file) for name, file in beside.items() if file.is_file()}
     for name, file in files.items():
         _refuse_foreign(beside[name], name, file, facts["components"][name]["frequencies_hz"])
+        if settings is not None and file.sealed and file.settings != settings:
+            raise ReadError(
+                f"{system}: it is of another run than {beside[name].name} beside it; write both again with "
+                "`cmsreduce run`"
+            )
     return StoredResult(path, facts, files)
 
 
@@ -118,7 +124,7 @@ def _refuse_foreign(path: Path, name: str, file: ComponentFile, kept_hz: Sequenc
     if file.name != name:
         raise ReadError(f"{path}: it holds component '{file.name}', not '{name}'; write it again with `cmsreduce run`")
     hz = file.omega[file.elastic] / (2 * np.pi)
-    if len(hz) != len(kept_hz) or not np.allclose(hz, kept_hz, rtol=_SAME_RUN, atol=0.0):
+    if len(hz) != len(kept_hz) or not np.allclose(hz, kept_hz, rtol=SAME_RUN, atol=0.0):
         raise ReadError(
             f"{path}: its modes are not those of summary.json ({_listed(hz) if hz.size else 'none'}, against "
             f"{_listed(np.array(kept_hz)) if kept_hz else 'none'}): the file is of another run; write it again with "

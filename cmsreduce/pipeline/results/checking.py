@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -11,16 +12,16 @@ from typing import Any
 import numpy as np
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import CONTROLLER_LIMITS, Failure, Finding, Proof, Verdict, failure_findings, judge
-from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
+from cmsreduce.model import CONTROLLER_LIMITS, Failure, Finding, Proof, RunResult, Verdict, failure_findings, judge
+from cmsreduce.pipeline.results.baseline import SAME_RUN, StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
 from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_findings
 from cmsreduce.pipeline.results.step_advice import file_rounding
 from cmsreduce.report import junit_xml, markdown_summary, place
 from cmsreduce.verify import REALISABLE, inertia_excess, momentum_balance
-from cmsreduce.write import SAME_MASS, ComponentFile, atomic_path
+from cmsreduce.write import SAME_MASS, ComponentFile, atomic_path, summary
 
-__all__ = ["check_result", "write_junit", "write_markdown"]
+__all__ = ["check_result", "refuse_other_summary", "write_junit", "write_markdown"]
 
 # Modes are orthonormal to 1e-10 of their norms; a body far from its origin costs two digits.
 _MOMENTUM = 1e-8
@@ -95,6 +96,47 @@ def _refuse_contradiction(path: Path, summary: Mapping[str, Any], verdict: Verdi
     else:
         return
     raise ReadError(f"{path}: summary.json {contradiction}: it was edited; run the pipeline again")
+
+
+def refuse_other_summary(folder: Path, result: RunResult) -> None:
+    """Refuse a result whose modes, errors or limits are not those of the summary beside it.
+
+    The pipeline was changed since, and some of its stages were run: page and summary would give two verdicts.
+
+    Raises
+    ------
+    ReadError
+        With the first figure that differs.
+    """
+    path = folder / "summary.json"
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        was, now = (
+            {
+                **{f"frequencies of {name}": part["frequencies_hz"] for name, part in facts["components"].items()},
+                **{name: [value] for name, value in facts["worst"].items()},
+                **{f"limit on {name}": [value] for name, value in facts["limits"].items()},
+            }
+            for facts in (stored, summary(result))
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        # A missing summary contradicts nothing, and `check` names what is wrong with a damaged one.
+        return
+    for what in {**was, **now}:
+        if not _same(was.get(what), now.get(what)):
+            raise ReadError(
+                f"{path}: it is of other settings than the finished stages beside it ({what}): the pipeline was "
+                "changed after the run; run it again, which makes both anew"
+            )
+
+
+def _same(was: list[float | None] | None, now: list[float | None] | None) -> bool:
+    if was is None or now is None or len(was) != len(now):
+        return False
+    a, b = (np.array(values, dtype=np.float64) for values in (was, now))
+    # JSON has null for infinity, too.
+    both = np.isfinite(a) & np.isfinite(b)
+    return bool((np.isfinite(a) == np.isfinite(b)).all()) and np.allclose(a[both], b[both], rtol=SAME_RUN, atol=0.0)
 
 
 def _speed(speed: Mapping[str, Any]) -> Iterator[Finding]:
