@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "closest",
     "not_among",
     "optional_library",
+    "refuse_device",
 ]
 
 # At a lower similarity, unrelated words are suggested.
@@ -142,3 +144,15 @@ def optional_library(module: str, package: str, use: str) -> Any:
         raise CmsReduceError(
             f"{use} need the library {package}, which is not installed: pip install {package}"
         ) from error
+
+
+def refuse_device(path: Path) -> None:
+    """Refuse a device or a pipe in the place of a file to read: its end may never come.
+
+    Raises
+    ------
+    ReadError
+        If the path is one.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise ReadError(f"{path}: is a device or a pipe, not a file; write its content to a file")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cmsreduce.cli.endings import LIMIT_BROKEN, OK
+from cmsreduce.cli.file_names import PATH
 from cmsreduce.cli.household import household
 from cmsreduce.cli.options import (
     Commands,
@@ -106,7 +107,7 @@ for _stage, _text in _STAGE_VERBS.items():
 
 
 @main.command()
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, required=True, type=PATH)
 @output_options
 def inspect(files: tuple[Path, ...], output: Output) -> None:
     """Show what is in files and decks, how sound the bodies of a pipeline are, or what a run directory holds."""
@@ -183,14 +184,14 @@ def convert(
 
 
 @main.command()
-@click.argument("run_dir", type=click.Path(path_type=Path))
+@click.argument("run_dir", type=PATH)
 @click.option(
     "--to", "program", metavar="PROGRAM", required=True, help="Program that is to run the scene: exudyn, mbdyn, 42."
 )
 @click.option(
     "--configuration", metavar="NAME", help="Configuration in which the simulation starts, such as spin=45; the first."
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Folder to make; RUN_DIR/PROGRAM if not given.")
+@click.option("--out", type=PATH, help="Folder to make; RUN_DIR/PROGRAM if not given.")
 @output_options
 def export(run_dir: Path, program: str, configuration: str | None, out: Path | None, output: Output) -> None:
     """Write the whole scene of a finished run as the input of another program, with a first slew."""
@@ -205,7 +206,7 @@ def export(run_dir: Path, program: str, configuration: str | None, out: Path | N
 
 
 @main.command()
-@click.argument("run_dir", type=click.Path(path_type=Path))
+@click.argument("run_dir", type=PATH)
 @click.option("--png", is_flag=True, help="Draw static pictures, too: RUN_DIR/pictures.")
 @click.option("--svg", is_flag=True, help="The same as vector graphics.")
 @click.option("--pdf", is_flag=True, help="The same for a paper.")
@@ -301,8 +302,8 @@ def sweep(
 
 
 @main.command()
-@click.argument("a", type=click.Path(path_type=Path))
-@click.argument("b", type=click.Path(path_type=Path))
+@click.argument("a", type=PATH)
+@click.argument("b", type=PATH)
 @output_options
 def diff(a: Path, b: Path, output: Output) -> None:
     """Compare two finished runs: errors, sizes, frequencies, times that differ."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cmsreduce.cli.file_names import PATH
 from cmsreduce.cli.options import Commands, output_options
 from cmsreduce.errors import WriteError
 
@@ -25,7 +26,7 @@ def cache() -> None:
 
 
 @cache.command(name="ls")
-@click.argument("run_dir", type=click.Path(path_type=Path))
+@click.argument("run_dir", type=PATH)
 def cache_ls(run_dir: Path) -> None:
     """List finished stages: stage, body, first digits of the key, size, time."""
     from datetime import datetime
@@ -41,7 +42,7 @@ def cache_ls(run_dir: Path) -> None:
 
 
 @cache.command(name="clear")
-@click.argument("run_dir", type=click.Path(path_type=Path))
+@click.argument("run_dir", type=PATH)
 def cache_clear(run_dir: Path) -> None:
     """Remove finished stages; results stay, and the next run computes everything anew."""
     from cmsreduce.pipeline.store import clear_cache
@@ -106,15 +107,18 @@ def _written(path: Path, text: str) -> None:
     import json
 
     from cmsreduce.config import json_schema
+    from cmsreduce.write import atomic_path
 
-    path.write_text(f"# yaml-language-server: $schema={_SCHEMA}\n{text}", encoding="utf-8")
+    with atomic_path(path) as temporary:
+        temporary.write_text(f"# yaml-language-server: $schema={_SCHEMA}\n{text}", encoding="utf-8")
     if not (schema_file := path.with_name(_SCHEMA)).exists():
-        schema_file.write_text(json.dumps(json_schema(), indent=1), encoding="utf-8")
+        with atomic_path(schema_file) as temporary:
+            temporary.write_text(json.dumps(json_schema(), indent=1), encoding="utf-8")
 
 
 @household.command()
 @click.argument("name")
-@click.argument("files", nargs=-1, metavar="[FILE]...", type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, metavar="[FILE]...", type=PATH)
 def new(name: str, files: tuple[Path, ...]) -> None:
     """Write a commented starter pipeline NAME.yaml.
 

@@ -13,6 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from cmsreduce.cli.endings import Ending, check_memory, ending_of, patient_streams
+from cmsreduce.cli.file_names import PATH, FileName, refuse_log_over
 
 __all__ = [
     "Commands",
@@ -34,8 +35,6 @@ _HEADINGS = {
     "Files and other programs": ("inspect", "convert", "export"),
     "Help": ("schema", "completion", "doctor"),
 }
-# Letters of a sentence that is not cut.
-_WHOLE = 400
 _FOLDER, _AS_JSON = f"{__name__}.folder", f"{__name__}.as_json"
 # Modules that every piece of work loads, now or later.
 _LIBRARIES = ["cmsreduce.pipeline.batch", "h5py"]
@@ -88,6 +87,7 @@ class _Command(click.Command):
             check_memory()
             from cmsreduce.report import opened_output
 
+            refuse_log_over(context.params["log_file"])
             options = {name: context.params.pop(name) for name in ("quiet", "verbose", "as_json", "log_file")}
             context.params["output"] = context.with_resource(opened_output(**options))
         for given in context.params.values():
@@ -145,7 +145,8 @@ class Commands(click.Group):
     def _section(formatter: click.HelpFormatter, heading: str, commands: list[tuple[str, click.Command]]) -> None:
         if commands:
             with formatter.section(heading):
-                formatter.write_dl([(name, command.get_short_help_str(limit=_WHOLE)) for name, command in commands])
+                # Sentences are not cut.
+                formatter.write_dl([(name, command.get_short_help_str(limit=400)) for name, command in commands])
 
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -160,9 +161,6 @@ def _options(*options: Decorator) -> Decorator:
         return command
 
     return decorated
-
-
-_PATH: Any = click.Path(path_type=Path)
 
 
 def _completed(names: Callable[[], Iterable[str]], ending: str = "") -> Callable[..., list[CompletionItem]]:
@@ -220,13 +218,13 @@ output_options = _options(
     click.option("--quiet", is_flag=True, help="Print errors only."),
     click.option("--verbose", is_flag=True, help="Print every piece of work, every table and every note."),
     click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else there."),
-    click.option("--log-file", type=_PATH, help="Write everything that is printed here, too."),
+    click.option("--log-file", type=PATH, help="Write everything that is printed here, too."),
 )
 """Options of the output; the command takes an `Output` named ``output``."""
 
 pipeline_options = _options(
     output_options,
-    click.option("--out", type=_PATH, help="Run directory, instead of `output:`."),
+    click.option("--out", type=PATH, help="Run directory, instead of `output:`."),
     click.option(
         "--set",
         "overrides",
@@ -235,18 +233,14 @@ pipeline_options = _options(
         help="Override a key of the pipeline.",
         shell_complete=key_completion,
     ),
-    click.argument("pipeline", type=_PATH),
+    click.argument("pipeline", type=PATH),
 )
 """Pipeline, overrides and run directory."""
 
 worker_options = _options(
     click.option("--cluster", metavar="ADDRESS|FILE", help="Processes of a Dask scheduler, or of a cluster file."),
     click.option(
-        "--jobs",
-        type=click.IntRange(min=1),
-        default=1,
-        show_default=True,
-        help="Processes that share the work.",
+        "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes that share the work."
     ),
 )
 """Processes that share the work."""
@@ -265,8 +259,8 @@ run_options = _options(
 """All options of a run."""
 
 check_options = _options(
-    click.argument("path", type=_PATH),
-    click.option("--limits", "file", type=_PATH, help="YAML file of limits (docs/ci.md)."),
+    click.argument("path", type=PATH),
+    click.option("--limits", "file", type=PATH, help="YAML file of limits (docs/ci.md)."),
     click.option(
         "--max",
         "maxima",
@@ -275,7 +269,7 @@ check_options = _options(
         help="Largest value: frf_error=0.05.",
         shell_complete=_completed(_limits, "="),
     ),
-    click.option("--baseline", type=_PATH, help="Run directory or component file to compare with."),
+    click.option("--baseline", type=PATH, help="Run directory or component file to compare with."),
     click.option(
         "--tolerance",
         "tolerances",
@@ -283,8 +277,8 @@ check_options = _options(
         metavar="KEY=VALUE",
         help="Largest change from the baseline: frequency, shape, mass, stiffness, modes, errors, ...",
     ),
-    click.option("--junit", type=_PATH, help="Write the checks as JUnit XML."),
-    click.option("--markdown", type=_PATH, help="Write the checks as a Markdown summary."),
+    click.option("--junit", type=PATH, help="Write the checks as JUnit XML."),
+    click.option("--markdown", type=PATH, help="Write the checks as a Markdown summary."),
     output_options,
 )
 """Limits, baseline and files of a check."""
@@ -301,9 +295,9 @@ def _joint_numbers(context: click.Context, option: click.Parameter, texts: tuple
 
 
 convert_options = _options(
-    click.argument("source", metavar="IN", type=_PATH),
+    click.argument("source", metavar="IN", type=PATH),
     # As text, because a slash at the end means a folder.
-    click.argument("destination", metavar="OUT", type=click.Path()),
+    click.argument("destination", metavar="OUT", type=FileName()),
     click.option(
         "--for",
         "profile",

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 from cmsreduce.config.keys import Count, Keys, Memory
 from cmsreduce.config.located import parse, plain
 from cmsreduce.config.problems import config_error, problems_of
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import ReadError, refuse_device
 
 __all__ = ["ClusterKeys", "load_cluster"]
 
@@ -74,6 +74,7 @@ def load_cluster(path: Path) -> ClusterKeys:
     ConfigError
         One line for each error: file, line, key.
     """
+    refuse_device(path)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

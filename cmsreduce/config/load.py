@@ -16,7 +16,7 @@ from cmsreduce.config.keys import Pipeline
 from cmsreduce.config.located import Entry, Location, merge, parse, plain
 from cmsreduce.config.problems import config_error, located, problems_of
 from cmsreduce.config.references import broken_references
-from cmsreduce.errors import ConfigError, ReadError, closest
+from cmsreduce.errors import ConfigError, ReadError, closest, refuse_device
 from cmsreduce.model import DOF_NAMES
 
 __all__ = ["load_pipeline", "pipeline_from_keys"]
@@ -130,6 +130,7 @@ def _included_file(entry: Entry, chain: tuple[Path, ...]) -> Path:
     if not isinstance(entry.value, str) or not entry.value:
         raise ConfigError(f"{entry.where}: key 'include' takes file names, e.g. [../configs/default.yaml]")
     file = entry.where.folder / Path(entry.value).expanduser()
+    refuse_device(file)
     if not file.is_file():
         raise ReadError(f"{entry.where}: key 'include': there is no file {file}{_similar(file)}")
     if file.resolve() in [earlier.resolve() for earlier in chain]:
@@ -139,6 +140,7 @@ def _included_file(entry: Entry, chain: tuple[Path, ...]) -> Path:
 
 
 def _text_of(path: Path) -> str:
+    refuse_device(path)
     try:
         return path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:

@@ -16,7 +16,7 @@ from contextvars import ContextVar
 from functools import lru_cache
 from pathlib import Path
 
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import ReadError, refuse_device
 
 __all__ = [
     "LIBRARY_ERRORS",
@@ -67,6 +67,8 @@ def files_read() -> Iterator[set[Path]]:
 
 
 def _record(path: Path) -> None:
+    """Note that a file is about to be opened; a device or a pipe is refused, also where a deck includes it."""
+    refuse_device(path)
     if (found := _READ.get()) is not None:
         found.add(path.absolute())
 
@@ -130,8 +132,7 @@ def require_file(path: Path) -> None:
         raise ReadError(f"{path}: there is no such file{hint}")
     if path.is_dir():
         raise ReadError(f"{path}: is a folder, not a file; name the file in it")
-    if not path.is_file():
-        raise ReadError(f"{path}: is a device or a pipe, not a file; write its content to a file")
+    refuse_device(path)
     if not read_head(path, 1):
         raise ReadError(f"{path}: the file is empty; the run that should have written it may have failed")
 

@@ -45,6 +45,8 @@ _STEPS = {
     errno.EACCES: "ask for permission to write there, or ",
     errno.EPERM: "ask for permission to write there, or ",
 }
+_OTHER_NAME = "choose another `output:` (or --out)"
+_DEVICES = Path("/dev")
 # Below this many bytes compression saves nothing.
 _SMALL = 512
 
@@ -70,6 +72,10 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        # A rename over a device or a pipe would remove it, and /dev/stdout is a link that all programs need.
+        if path.is_dir() or path.absolute().parent == _DEVICES or not (path.is_file() or not path.exists()):
+            kind = "a folder" if path.is_dir() else "a device or a pipe"
+            raise WriteError(f"{path} cannot be written: it is {kind}, not a file. Nothing was changed; {_OTHER_NAME}")
         _sweep(path)
         temporary = path.with_name(f".{path.name}.{_machine()}-{os.getpid()}-{secrets.token_hex(4)}.tmp")
         try:
@@ -84,7 +90,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise WriteError(
             f"{path} cannot be written: {error.strerror or error}. Nothing was changed; "
-            f"{_STEPS.get(error.errno or 0, '')}choose another `output:` (or --out)"
+            f"{_STEPS.get(error.errno or 0, '')}{_OTHER_NAME}"
         ) from None
 
 

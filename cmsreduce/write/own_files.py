@@ -9,7 +9,7 @@ from pathlib import Path
 from cmsreduce.errors import WriteError
 from cmsreduce.write.files import atomic_path
 
-__all__ = ["LOG_MARK", "record_outputs", "refuse_foreign", "refuse_shared_names"]
+__all__ = ["LOG_MARK", "is_result", "record_outputs", "refuse_foreign", "refuse_shared_names"]
 
 LOG_MARK = "log of cmsreduce: tracebacks of what failed alone\n"
 """First line of the log of failures."""
@@ -122,12 +122,19 @@ def _is_own(path: Path) -> bool:
     return False
 
 
+def is_result(path: Path) -> bool:
+    """True for a component file or system.h5 of a run."""
+    return path.suffix == ".h5" and _stated_format(path) in ("cmsreduce-component", "cmsreduce-system")
+
+
 def _hdf5_format(path: Path) -> str | None:
     """Format that an HDF5 file names; None for files of other programs' layouts, which have no mark of ours."""
+    return None if path.name.endswith(".mbsim.h5") else _stated_format(path)
+
+
+def _stated_format(path: Path) -> str:
     import h5py
 
-    if path.name.endswith(".mbsim.h5"):
-        return None
     try:
         with h5py.File(path, "r") as file:
             return str(file.attrs.get("format", ""))

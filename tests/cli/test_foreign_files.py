@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import h5py
@@ -120,3 +121,42 @@ def test_a_foreign_table_stops_a_sweep(study: Path) -> None:
     assert (
         found.exit_code == 2 and "sweep.csv: a file of this name is there that cmsreduce did not write" in found.stderr
     )
+
+
+@pytest.mark.parametrize("option", ["--log-file", "--junit", "--markdown"])
+def test_a_list_of_checks_or_a_log_does_not_replace_a_model(finished_study: Path, tmp_path: Path, option: str) -> None:
+    out, limits = finished_study / "out", tmp_path / "limits.yaml"
+    limits.write_text("max: {frf_error: 1.0}\n")
+    mine = [finished_study / "study.yaml", finished_study / "arm.bdf", out / "arm.h5", out / "summary.json", limits]
+    for path in mine:
+        before = path.read_bytes()
+        found = call("check", out, "--quiet", option, path)
+        assert found.exit_code == 2 and f"{path}: this is " in found.stderr and "would be replaced" in found.stderr
+        assert path.read_bytes() == before
+    # What an earlier call wrote is replaced, and so is an empty file.
+    earlier = tmp_path / "earlier"
+    earlier.touch()
+    for _ in range(2):
+        assert call("check", out, option, earlier).exit_code == 0
+    assert earlier.stat().st_size
+
+
+def test_a_pipe_is_not_waited_for(good_study: Path, tmp_path: Path) -> None:
+    pipe, including = tmp_path / "pipe", tmp_path / "deck.inp"
+    os.mkfifo(pipe)
+    including.write_text("*INCLUDE, INPUT=pipe\n*NODE\n1, 0, 0, 0\n")
+    calls = [("run", pipe), ("inspect", pipe), ("inspect", including), ("check", good_study, "--limits", pipe)]
+    calls += [("run", good_study / "study.yaml", "--cluster", pipe)]
+    for arguments in calls:
+        found = call(*arguments)
+        assert found.exit_code == 2 and f"{pipe}: is a device or a pipe, not a file" in found.stderr, arguments
+
+
+def test_an_empty_name_is_not_the_present_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of a variable of the shell that is not set."""
+    monkeypatch.chdir(tmp_path)
+    calls = [("inspect", ""), ("run", "x.yaml", "--out", ""), ("cache", "clear", ""), ("convert", "x.h5", "")]
+    for arguments in (*calls, ("new", "x", ""), ("check", "x", "--junit", "")):
+        found = call(*arguments)
+        assert found.exit_code == 2 and "the name is empty" in found.stderr, arguments
+    assert not list(tmp_path.iterdir())

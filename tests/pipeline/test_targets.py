@@ -129,6 +129,26 @@ def test_a_file_beside_the_named_one_is_not_replaced(
     assert (tmp_path / beside).is_file()
 
 
+@pytest.mark.parametrize(
+    ("options", "name"), [(("--format", name), f"x{target.suffix}") for name, target in TARGETS.items()]
+)
+def test_only_an_earlier_file_of_its_format_is_replaced(
+    finished_study: Path, tmp_path: Path, options: tuple[str, str], name: str
+) -> None:
+    """The file that the user names may be of the model itself, as matrices in .npz or .mat are."""
+    path, source = tmp_path / name, finished_study / "out" / "arm.h5"
+    arguments = ["convert", str(source), str(path), *options]
+    for content in (b"of the user", source.read_bytes()):
+        path.write_bytes(content)
+        result = CliRunner().invoke(main, arguments)
+        assert result.exit_code == 2 and f"{path}: would be replaced" in result.stderr
+        assert path.read_bytes() == content
+    path.unlink()
+    # The arm has too few nodes for some formats.
+    codes = [CliRunner().invoke(main, arguments).exit_code for _ in range(2)]
+    assert codes == ([2, 2] if options[1] in ("discos", "dads", "radioss", "extptfm") else [0, 0])
+
+
 def test_a_run_replaces_no_deck_that_it_reads(opened: Callable[..., Run], study: Path) -> None:
     """The superelement has a deck of its own, under the name of the body, as the body's deck often has."""
     deck = study.parent / "arm.bdf"

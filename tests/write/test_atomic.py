@@ -123,6 +123,15 @@ def test_a_folder_in_the_place_of_the_file(tmp_path):
     assert names(tmp_path) == ["x.json"]
 
 
+def test_a_pipe_in_the_place_of_the_file_stays(tmp_path):
+    """A rename over it would remove it; so it would /dev/null, for all programs, where the superuser runs this."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/null"), Path("/dev/stdout")):
+        with pytest.raises(WriteError, match="it is a device or a pipe"), atomic_path(path):
+            raise AssertionError("a file would be written")
+    assert (tmp_path / "pipe").is_fifo()
+
+
 def _write_as_nobody(path: Path, answers) -> None:
     if os.geteuid() == 0:
         # Nothing is read-only to the superuser.

@@ -4,7 +4,13 @@ Steps from a run to the data that files and reports show belong here.
 Rendering belongs in `report`, file formats in `write`.
 """
 
-from cmsreduce.pipeline.results.checking import check_result, refuse_other_summary, write_junit, write_markdown
+from cmsreduce.pipeline.results.checking import (
+    check_result,
+    refuse_model_file,
+    refuse_other_summary,
+    write_junit,
+    write_markdown,
+)
 from cmsreduce.pipeline.results.component_files import write_body, write_system_file
 from cmsreduce.pipeline.results.exports import (
     export_figures,
@@ -69,6 +75,7 @@ __all__ = [
     "multibody_scene",
     "outboard_of",
     "read_limits",
+    "refuse_model_file",
     "refuse_other_summary",
     "run_difference",
     "run_result",

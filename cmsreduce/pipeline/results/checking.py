@@ -11,22 +11,24 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import ReadError, WriteError
 from cmsreduce.model import CONTROLLER_LIMITS, Failure, Finding, Proof, RunResult, Verdict, failure_findings, judge
 from cmsreduce.pipeline.results.baseline import SAME_RUN, StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
 from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_findings
 from cmsreduce.pipeline.results.step_advice import file_rounding
+from cmsreduce.read import file_kind
 from cmsreduce.report import junit_xml, markdown_summary, place
 from cmsreduce.verify import REALISABLE, inertia_excess, momentum_balance
 from cmsreduce.write import SAME_MASS, ComponentFile, atomic_path, summary
 
-__all__ = ["check_result", "refuse_other_summary", "write_junit", "write_markdown"]
+__all__ = ["check_result", "refuse_model_file", "refuse_other_summary", "write_junit", "write_markdown"]
 
 # Modes are orthonormal to 1e-10 of their norms; a body far from its origin costs two digits.
 _MOMENTUM = 1e-8
 # Rigid modes of a body that is free in all directions.
 _FREE = 6
+_PLAIN = ("empty", "unknown", "yaml")
 _UNSEALED = "written by an earlier version, without a checksum of its content"
 
 
@@ -150,14 +152,32 @@ def _speed(speed: Mapping[str, Any]) -> Iterator[Finding]:
 
 def write_junit(path: Path, findings: list[Finding], verdict: Verdict, checked: Path) -> None:
     """Write findings and verdict as JUnit XML; the file is whole or not there."""
+    refuse_model_file(path)
     with atomic_path(path) as temporary:
         temporary.write_bytes(junit_xml(findings, verdict, str(checked)))
 
 
 def write_markdown(path: Path, findings: list[Finding], verdict: Verdict, checked: Path) -> None:
     """Write findings and verdict as a Markdown summary; the file is whole or not there."""
+    refuse_model_file(path)
     with atomic_path(path) as temporary:
         temporary.write_text(markdown_summary(findings, verdict, str(checked)), encoding="utf-8")
+
+
+def refuse_model_file(path: Path) -> None:
+    """Refuse to write a log or a list of checks over matrices, a deck, a pipeline, a result or a document.
+
+    Raises
+    ------
+    WriteError
+        If the file is one; a file of an earlier log or list may be replaced.
+    """
+    if not path.is_file():
+        return
+    kind = file_kind(path)
+    # Lines of a log may read like YAML.
+    if kind.name not in _PLAIN or path.suffix in (".yaml", ".yml"):
+        raise WriteError(f"{path}: this is {kind.words}, which would be replaced; choose another name")
 
 
 def _proofs(result: StoredResult) -> list[Proof]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 from cmsreduce.config import RELATIVE_ERRORS, Entry, parse, parse_ratio
-from cmsreduce.errors import ConfigError, ReadError, UnitsError, closest, not_among
+from cmsreduce.errors import ConfigError, ReadError, UnitsError, closest, not_among, refuse_device
 from cmsreduce.model import Finding
 
 __all__ = ["Limits", "Tolerances", "limited", "read_limits"]
@@ -179,6 +179,7 @@ def _maximum(name: str, value: object, where: str, wanted: str) -> float:
 
 
 def _from_file(path: Path) -> Limits:
+    refuse_device(path)
     try:
         root = parse(path.read_text(encoding="utf-8-sig"), str(path), path.parent)
     except OSError as error:

@@ -12,7 +12,17 @@ from cmsreduce.assemble import modal_states
 from cmsreduce.errors import WriteError, not_among
 from cmsreduce.model import Scene, System
 from cmsreduce.read import expect_kind, file_kind
-from cmsreduce.write import TARGETS, LinearModel, Port, SystemFile, conversion, read_system, unit_binary, write_unit
+from cmsreduce.write import (
+    TARGETS,
+    LinearModel,
+    Port,
+    SystemFile,
+    conversion,
+    read_system,
+    refuse_other_file,
+    unit_binary,
+    write_unit,
+)
 
 __all__ = ["channel_quantities", "convert_file", "convert_system", "unit_paths", "without_binary"]
 
@@ -135,6 +145,7 @@ def convert_system(
     written = []
     for number in numbers:
         path = unit_paths(destination, len(names))[number] if destination.is_dir() else destination
+        refuse_other_file(path, source, TARGETS["fmi"])
         write_unit(path, _model(found, found.systems[number]), version or dialects[0])
         written.append(path)
     return tuple(written)

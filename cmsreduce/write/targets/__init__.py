@@ -4,7 +4,7 @@ Each module turns a component file into what one program loads; `table` lists th
 The component file itself belongs in `write.component`.
 """
 
-from cmsreduce.write.targets.conversion import conversion, convert
+from cmsreduce.write.targets.conversion import conversion, convert, refuse_other_file
 from cmsreduce.write.targets.exudyn import exudyn_arrays
 from cmsreduce.write.targets.flex42 import write_42
 from cmsreduce.write.targets.fmi import LinearModel, Port, unit_binary, write_unit
@@ -28,6 +28,7 @@ __all__ = [
     "convert",
     "exudyn_arrays",
     "profile_files",
+    "refuse_other_file",
     "unit_binary",
     "write_matlab",
     "write_unit",

@@ -10,11 +10,15 @@ from typing import Any
 
 from cmsreduce.errors import WriteError, not_among
 from cmsreduce.write.component import ComponentFile, read_component, stored_integrals
+from cmsreduce.write.own_files import is_result
 from cmsreduce.write.targets.price import price_of
 from cmsreduce.write.targets.profiles import PROFILES, TargetFiles, profile_files
 from cmsreduce.write.targets.table import TARGETS, Target
 
-__all__ = ["conversion", "convert"]
+__all__ = ["conversion", "convert", "refuse_other_file"]
+
+# Bytes at the beginning of a file that hold the mark of its format.
+_HEAD = 200
 
 
 def convert(
@@ -82,7 +86,7 @@ def conversion(
         if profile not in PROFILES:
             raise WriteError(not_among("profile", profile, PROFILES))
         path = named / PROFILES[profile].file_name(component.name) if is_folder else named
-        _check_path(path, source, TARGETS[PROFILES[profile].target])
+        refuse_other_file(path, source, TARGETS[PROFILES[profile].target])
         made = profile_files(component, profile, path.parent, at=at, joints=joints, file=path)
         return _at_zero(made, component)
     if at is not None or joints is not None:
@@ -97,7 +101,7 @@ def conversion(
         known = f"its dialects: {', '.join(chosen.dialects)}" if chosen.dialects else "it has none"
         raise WriteError(f"'{dialect}' is no dialect of {name} ({known})")
     path = named / f"{component.name}{chosen.suffix}" if is_folder else named
-    _check_path(path, source, chosen)
+    refuse_other_file(path, source, chosen)
     arguments = [dialect or chosen.dialects[0]] if chosen.dialects else []
     if not chosen.integrals:
         paths = chosen.write(path, component, *arguments) or (path,)
@@ -123,24 +127,31 @@ def _with_integrals(path: Path, component: ComponentFile, target: str, dialect: 
     return TargetFiles(paths, price_of(component, integrals, target, dialect), component)
 
 
-def _check_path(path: Path, source: str | Path, target: Target) -> None:
+def refuse_other_file(path: Path, source: str | Path, target: Target) -> None:
+    """Refuse to replace files that are no earlier files of a target, before one of them is written.
+
+    Raises
+    ------
+    WriteError
+        For the first of the files; also if it is the source.
+    """
     if path.suffix.lower() == ".flx":
         raise WriteError(
             f"{path}: .FLX names TREETOPS's own file, whose layout is not public; this one needs another name"
         )
     if path.exists() and path.samefile(source):
         raise WriteError(f"{path}: would replace the component file itself; choose another name")
-    # The user has named one file; those beside it may be of the model itself, such as its deck.
-    beside = [file for file in target.files(path) if file != path and file.exists()]
-    if beside and not any(_begins(file, target.mark) for file in target.files(path)):
-        raise WriteError(f"{beside[0]}: would be replaced by a file beside {path.name}; choose another name")
+    # They may be of the model itself, such as its matrices or its deck, or a component file.
+    there = [file for file in target.files(path) if file.is_file() and file.stat().st_size]
+    if there and not any(_is_marked(file, target.mark) for file in there):
+        raise WriteError(
+            f"{there[0]}: would be replaced, but is no earlier file of this format from cmsreduce; choose another name"
+        )
 
 
-def _begins(path: Path, mark: str) -> bool:
-    if not path.is_file():
-        return False
+def _is_marked(path: Path, mark: str) -> bool:
     with path.open("rb") as file:
-        return file.read(len(mark)) == mark.encode()
+        return mark.encode("latin-1") in file.read(_HEAD) and not is_result(path)
 
 
 def _by_name(destination: Path, *, is_folder: bool) -> str:

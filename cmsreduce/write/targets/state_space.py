@@ -24,7 +24,8 @@ __all__ = [
 ]
 
 # Fixed text in place of the date that scipy writes, so that equal input gives equal bytes.
-_HEADER = b"MATLAB 5.0 MAT-file, written by cmsreduce".ljust(116)
+MAT_MARK = "MATLAB 5.0 MAT-file, written by cmsreduce"
+_HEADER = MAT_MARK.encode().ljust(116)
 # A MAT 5 file counts its bytes in 32 bits.
 _LARGEST = 2**31
 # A change of coordinates leaves this share of the largest entry where there is none.

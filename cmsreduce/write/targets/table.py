@@ -17,10 +17,12 @@ from cmsreduce.write.targets.nodal import write_nodal
 from cmsreduce.write.targets.radioss import write_radioss
 from cmsreduce.write.targets.sid import write_sid
 from cmsreduce.write.targets.simscape import SIMSCAPE_MARK, simscape_files, write_simscape
-from cmsreduce.write.targets.state_space import write_abcd, write_states
+from cmsreduce.write.targets.state_space import MAT_MARK, write_abcd, write_states
 from cmsreduce.write.targets.treetops import write_treetops, write_treetops_h5
 
 __all__ = ["TARGETS", "Target"]
+
+_HDF5 = "\x89HDF"
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ class Target:
     files : callable of path
         Every file that ``write`` makes of a path.
     mark : str
-        Beginning of one of several files, by which they are known as written here.
+        Words near the beginning of one of the files, by which they are known as written here and may be replaced;
+        without it, a file of this name is always replaced.
     """
 
     suffix: str
@@ -57,19 +60,19 @@ class Target:
 TARGETS: dict[str, Target] = {
     "nastran": Target(".op4", write_nastran, integrals=False, files=nastran_files, mark=NASTRAN_MARK),
     "42": Target(".42.txt", write_42, files=files_42, mark=MARK_42),
-    "sid": Target(".SID_FEM", write_sid, ("by-axis", "by-mode", "gr-by-mode", "embs")),
-    "mbdyn": Target(".fem", write_mbdyn, ("points", "invariants", "lumped", "first-order")),
-    "mbsim": Target(".mbsim.h5", write_mbsim),
-    "exudyn": Target(".npz", write_exudyn),
-    "discos": Target(".discos.txt", write_nodal),
-    "dads": Target(".dads.txt", write_nodal),
-    "treetops": Target(".treetops.txt", write_treetops),
-    "treetops-h5": Target(".treetops.h5", write_treetops_h5),
-    "matlab": Target(".mat", write_states, integrals=False, gyroscopic=True),
-    "abcd": Target(".abcd.txt", write_abcd, integrals=False, gyroscopic=True),
-    "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False, gyroscopic=True),
-    "extptfm": Target("_SE.dat", write_extptfm, EXTPTFM_DIALECTS, integrals=False),
-    "radioss": Target("_fxb.pch", write_radioss, integrals=False),
+    "sid": Target(".SID_FEM", write_sid, ("by-axis", "by-mode", "gr-by-mode", "embs"), mark=", columns of Gr "),
+    "mbdyn": Target(".fem", write_mbdyn, ("points", "invariants", "lumped", "first-order"), mark='NODE SET "ALL" of '),
+    "mbsim": Target(".mbsim.h5", write_mbsim, mark=_HDF5),
+    "exudyn": Target(".npz", write_exudyn, mark="modeBasis.npy"),
+    "discos": Target(".discos.txt", write_nodal, mark="$ NODAL DATA of "),
+    "dads": Target(".dads.txt", write_nodal, mark="$ NODAL DATA of "),
+    "treetops": Target(".treetops.txt", write_treetops, mark="$ FLEXIBLE BODY "),
+    "treetops-h5": Target(".treetops.h5", write_treetops_h5, mark=_HDF5),
+    "matlab": Target(".mat", write_states, integrals=False, gyroscopic=True, mark=MAT_MARK),
+    "abcd": Target(".abcd.txt", write_abcd, integrals=False, gyroscopic=True, mark="% STATE SPACE "),
+    "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False, gyroscopic=True, mark="modelDescription.xml"),
+    "extptfm": Target("_SE.dat", write_extptfm, EXTPTFM_DIALECTS, integrals=False, mark="!Superelement of "),
+    "radioss": Target("_fxb.pch", write_radioss, integrals=False, mark="$ Flexible body "),
     "simscape": Target("_rom.m", write_simscape, integrals=False, files=simscape_files, mark=SIMSCAPE_MARK),
 }
 """Targets by their name in ``write.formats`` and ``convert --format``; one line registers a format."""
