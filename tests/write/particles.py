@@ -37,11 +37,12 @@ class Particles:
     integrals: ModalIntegrals
 
 
-def particles(size: float = 0.3, *, blind: bool = False, static: bool = False) -> Particles:
+def particles(size: float = 0.3, *, blind: bool = False, static: bool = False, still: bool = False) -> Particles:
     """Seven nodes and four modes, held by nothing but their springs.
 
     ``size`` scales the lumps: without any, nodes have mass but no inertia of their own; ``blind`` leaves the slope of
-    one unknown, whose lump is a point; ``static`` makes the last mode one without mass: the rotation of such a point.
+    one unknown, whose lump is a point; ``static`` makes the last mode one without mass: the rotation of such a point;
+    ``still`` takes the momentum out of the modes (mean axes).
     """
     rng = np.random.default_rng(7)
     n, k = 7, 4
@@ -57,6 +58,12 @@ def particles(size: float = 0.3, *, blind: bool = False, static: bool = False) -
     m = np.repeat(node_m / 6, 6)
     node_J = np.einsum("n,nqij->nij", node_m / 6, [[r @ r * np.eye(3) - np.outer(r, r) for r in arm] for arm in arms])
     node_u, node_v = shapes[:, :3], shapes[:, 3:]
+    if still:
+        lumps = xyz[:, None] + arms
+        rigid, weight = _rigid(lumps.reshape(-1, 3)), np.repeat(m, 3)[:, None]
+        moved = (node_u[:, None] + np.cross(node_v[:, None], arms[..., None], axis=2)).reshape(-1, k)
+        carried = np.linalg.solve(rigid.T @ (weight * rigid), rigid.T @ (weight * moved))
+        node_u, node_v = node_u - (_rigid(xyz) @ carried).reshape(n, 3, k), node_v - carried[3:]
     u = (node_u[:, None] + np.cross(node_v[:, None], arms[..., None], axis=2)).reshape(-1, 3, k)
     moving = slice(0, k - 1) if static else slice(0, k)
     M = np.einsum("n,nia,nib->ab", m, u, u)
@@ -107,3 +114,9 @@ def particles(size: float = 0.3, *, blind: bool = False, static: bool = False) -
     )
     node_J = axes @ node_J @ axes.T
     return Particles(m, x, u, node_m, node_J, node_x, axes @ node_u, axes @ node_v, omega, file, integrals)
+
+
+def _rigid(places: np.ndarray) -> np.ndarray:
+    """Translations and rotations about the origin of places (n, 3), as columns (3 n, 6)."""
+    turns = np.cross(np.eye(3), places[:, None], axisa=1, axisb=2).swapaxes(1, 2)
+    return np.concatenate([np.tile(np.eye(3), (len(places), 1, 1)), turns], axis=2).reshape(-1, 6)

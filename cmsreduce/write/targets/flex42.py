@@ -59,11 +59,17 @@ def write_42(
     Raises
     ------
     WriteError
-        If the component file lacks data, a mode has no mass, an interface has several nodes or is not one of the body,
-        or a file cannot be written.
+        If the component file lacks data, a mode has no mass or has momentum, an interface has several nodes or is not
+        one of the body, or a file cannot be written.
     """
     body = flexible_body(component, integrals).in_si(component.units)
     require_mass(body, "42 divides by the modal mass")
+    if body.has_momentum:
+        raise WriteError(
+            f"component '{body.name}': its modes have momentum, which 42 leaves out with REFPT_CM, so that no motion "
+            "of the frame excites them, and counts twice with REFPT_JOINT. Write a free body about mean axes: "
+            "`cmsreduce convert --for 42`, or `write: {frame: {kind: mean-axis}}`"
+        )
     _, nodes = files_42(path)
     put_lines(path, _lines(body, _joints(body, joints)))
     put_lines(nodes, _node_lines(body))

@@ -22,7 +22,6 @@ _UNDAMPED = (
     "Exudyn's file has no place for modal damping, so that the body vibrates without; give it to the object in Exudyn, "
     "or export the scene, which does"
 )
-_MEAN_AXES = "42 adds the momentum of its modes twice; write it about mean axes: `cmsreduce convert --for 42`"
 
 Array = NDArray[np.float64]
 
@@ -37,8 +36,6 @@ def price_of(
         return ()
     if target == "exudyn" and component.arrays["modes/damping"].any():
         return (f"{component.name}: {_UNDAMPED}",)
-    if target == "42" and flexible_body(component, integrals).has_momentum:
-        return (f"{component.name}: {_MEAN_AXES}",)
     if (target, dialect) == ("mbdyn", "lumped"):
         return (lumped_price(component, integrals),)
     if (target, dialect) == ("mbdyn", "first-order"):

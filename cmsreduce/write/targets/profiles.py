@@ -67,7 +67,7 @@ PROFILES: dict[str, Profile] = {
         mean_axes=True,
         unit_mass=True,
         numbered_joints=True,
-        why="42 is right to first order about mean axes with REFPT_CM; it adds the momentum of other modes twice",
+        why="42 is right to first order about mean axes with REFPT_CM, where it leaves out the momentum of other modes",
         limit="42 keeps its inertia as it is at rest: large motions are right to first order in the deformation",
     ),
     "mbdyn-1.7.3": Profile(

@@ -76,7 +76,7 @@ def test_the_reader_understands_a_file_of_42() -> None:
 
 def test_forces_that_42_forms(tmp_path: Path) -> None:
     """Modal forces of a spinning frame with moving modes, as 42 forms them of L and N, against particles."""
-    body = particles()
+    body = particles(still=True)
     write_42(tmp_path / "flex.txt", body.file, body.integrals)
     f = read(tmp_path / "flex.txt", 2, 7)
     w, alpha, a = np.array([0.4, -0.9, 1.3]), np.array([0.2, 0.5, -0.7]), np.array([1.0, -2.0, 0.5])
@@ -94,7 +94,7 @@ def test_forces_that_42_forms(tmp_path: Path) -> None:
 
 
 def test_shapes_and_matrices(tmp_path: Path) -> None:
-    body = particles()
+    body = particles(still=True)
     write_42(tmp_path / "flex.txt", body.file, body.integrals)
     f = read(tmp_path / "flex.txt", 2, 7)
     for kind, shapes in (("PSI", body.node_u), ("THETA", body.node_v)):
@@ -109,7 +109,7 @@ def test_shapes_and_matrices(tmp_path: Path) -> None:
 
 def test_numbers_are_in_si(tmp_path: Path) -> None:
     """A body of particles in millimetres, tonnes and milliseconds: 42 reads metres, kilograms and seconds."""
-    body = particles(0.0)
+    body = particles(0.0, still=True)
     units = {"name": "mm-t-ms", "length_in_si": 1e-3, "mass_in_si": 1e3, "time_in_si": 1e-3}
     small = replace(body.file, attributes=body.file.attributes | {"units": units})
     flex, nodes = write_42(tmp_path / "Flex_cloud.txt", small, body.integrals)
@@ -123,15 +123,17 @@ def test_numbers_are_in_si(tmp_path: Path) -> None:
     np.testing.assert_allclose(f["Mass"], np.einsum("n,nia,nib->ab", m, u, u), atol=1e-13)
     np.testing.assert_allclose(f["Stiffness"], f["Mass"] @ np.diag((1e3 * body.omega) ** 2), atol=1e-4)
     np.testing.assert_allclose(f["Damping"], f["Mass"] @ np.diag(0.02e3 * body.omega), atol=1e-9)
-    np.testing.assert_allclose(f["Pf"], np.einsum("n,nia->ia", m, u), rtol=1e-11)
-    np.testing.assert_allclose(f["Hf"], np.einsum("n,nia->ia", m, np.cross(x[:, :, None], u, axis=1)), rtol=1e-11)
+    np.testing.assert_allclose(f["Pf"], np.einsum("n,nia->ia", m, u), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        f["Hf"], np.einsum("n,nia->ia", m, np.cross(x[:, :, None], u, axis=1)), rtol=0, atol=1e-13
+    )
     np.testing.assert_allclose(f["L"], np.einsum("n,ni,nja->ija", m, x, u), rtol=0, atol=1e-14)
     np.testing.assert_allclose(f["N"], np.einsum("n,nia,njb->ijab", m, u, u), rtol=0, atol=1e-13)
 
 
 def test_numbers_of_the_spacecrafts_joints_and_the_file_of_nodes(tmp_path: Path) -> None:
     """Joint 4 alone is at this body; its nodes are where 42 looks for the analysis nodes, in their order."""
-    body = particles()
+    body = particles(still=True)
     flex, nodes = write_42(tmp_path / "Flex_cloud.txt", body.file, body.integrals, {"tip": 4})
     assert (flex.name, nodes.name) == ("Flex_cloud.txt", "Nodes_cloud.txt")
     f = read(flex, 5, 7)
@@ -146,7 +148,7 @@ def test_numbers_of_the_spacecrafts_joints_and_the_file_of_nodes(tmp_path: Path)
 
 
 def test_a_joint_has_one_node(tmp_path: Path) -> None:
-    body = particles()
+    body = particles(still=True)
     several = {
         **body.file.arrays,
         "interfaces/tip/node": np.array([21, 34]),
@@ -160,3 +162,11 @@ def test_modes_without_mass_are_refused(tmp_path: Path) -> None:
     body = particles(static=True)
     with pytest.raises(WriteError, match="42 divides by the modal mass"):
         write_42(tmp_path / "flex.txt", body.file, body.integrals)
+
+
+def test_modes_with_momentum_are_refused(tmp_path: Path) -> None:
+    """42 sets Pf and Hf to zero with REFPT_CM (42init.c), and adds Hf twice with REFPT_JOINT (AugmentIPAngVelf)."""
+    body = particles()
+    with pytest.raises(WriteError, match=r"its modes have momentum.*`cmsreduce convert --for 42`"):
+        write_42(tmp_path / "flex.txt", body.file, body.integrals)
+    assert not [*tmp_path.iterdir()]
