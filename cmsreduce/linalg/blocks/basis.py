@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks.products import absolute, column_blocks, symmetric_product
+from cmsreduce.linalg.blocks.products import absolute_product, column_blocks
 from cmsreduce.linalg.blocks.tall_blocks import by_rows, combination, inner_of_all, less_all
 from cmsreduce.linalg.machine import current_settings
 from cmsreduce.model import mapped_array, mapped_in, shapes_beside
@@ -105,7 +105,7 @@ def side_by_side(n: int, blocks: Sequence[tuple[NDArray[np.int64] | None, Array]
 
 def absolute_parts(A: sp.csc_array, Phi: Array) -> Array:
     """Sums abs(phi)^T abs(A) abs(phi) (m,): the scale of the rounding error in the energy of each shape."""
-    product, sums = symmetric_product(absolute(A)), np.empty(Phi.shape[1])
+    product, sums = absolute_product(A), np.empty(Phi.shape[1])
     for part in column_blocks(Phi.shape[1]):
         X = abs(Phi[:, part])
         sums[part] = np.einsum("ij,ij->j", X, product(X))
