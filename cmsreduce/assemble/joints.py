@@ -300,7 +300,7 @@ def _coincidence(
     advice = (
         f"List the nodes of '{joint.second}' in the order of those of '{joint.first}'{_listed(order)}"
         if order
-        else "Move a body with `place:`, or give the joint an `offset:`"
+        else "Move a body with `place:`, give a tie its `position:`, or give the joint an `offset:`"
     )
     where = f" at node {first.node[k]}" if first.node[k] >= 0 else ""
     raise SceneError(

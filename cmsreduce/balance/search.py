@@ -155,7 +155,7 @@ class _Search:
         self, components: Mapping[str, ModalComponent], judge: Judge, limit: float, among: Selection | None
     ) -> None:
         self.names, self.judge, self.limit, self.every = list(components), judge, limit, among is None
-        self.of_responses = any("response" in each.kind for each in components.values())
+        self.kinds = {str(kind) for each in components.values() for kind in each.kind}
         self.groups = [
             (name, columns)
             for name, c in components.items()
@@ -170,7 +170,7 @@ class _Search:
         everything = frozenset(range(len(self.groups)))
         if self._error(everything, np.inf) > self.limit:
             finding, modes = self.judge.critical(self.selection(everything)), int(self.sizes.sum())
-            raise ConfigError(_unreachable(finding, modes, all_of_them=self.every, of_responses=self.of_responses))
+            raise ConfigError(_unreachable(finding, modes, all_of_them=self.every, kinds=self.kinds))
         best = everything
         truncated: dict[str, int] = {}
         for name, coefficients in rankings.items():
@@ -315,16 +315,16 @@ class _Search:
         return None
 
 
-def _unreachable(finding: Finding, modes: int, *, all_of_them: bool, of_responses: bool) -> str:
+def _unreachable(finding: Finding, modes: int, *, all_of_them: bool, kinds: set[str]) -> str:
     """Message on a limit that all modes together do not meet, with the next step."""
-    place = f" in {finding.note}" if finding.note else ""
     if np.isnan(finding.value):
         return (
             f"keep: {finding.name} cannot be judged ({finding.note or 'it was not measured'}): take its limit out, or "
             "choose the modes by another rule"
         )
-    which, step = "below the cutoff", "Raise reduce.cutoff, or allow a larger error"
-    if of_responses:
+    other = "take `reduce: {method: macneal-rubin}`, " if "fixed" in kinds else ""
+    which, step = "below the cutoff", f"Raise reduce.cutoff, {other}or allow a larger error"
+    if "response" in kinds:
         which = "and shapes"
         step = (
             "Scene shapes are made for `frf_error`: state a smaller limit of it, which they are made for then, or take "
@@ -334,7 +334,7 @@ def _unreachable(finding: Finding, modes: int, *, all_of_them: bool, of_response
         which, step = "that other limits allow", "Allow a higher highest_frequency, or a larger error"
     return (
         f"keep: {finding.name} {finding.limit:g} cannot be met: all {modes} modes {which} leave "
-        f"{finding.value:.3g}{place}. {step}"
+        f"{finding.value:.3g}{finding.note and f' in {finding.note}'}. {step}"
     )
 
 

@@ -35,6 +35,7 @@ from cmsreduce.config.keys import (
     json_schema,
     key_names,
     parse_ratio,
+    place_in,
 )
 from cmsreduce.config.load import load_pipeline, pipeline_from_keys
 from cmsreduce.config.located import Entry, parse
@@ -80,6 +81,7 @@ __all__ = [
     "naming_the_line",
     "parse",
     "parse_ratio",
+    "place_in",
     "pipeline_from_keys",
     "scene_pipeline",
     "starter_pipeline",

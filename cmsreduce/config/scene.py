@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 
-from cmsreduce.config.keys import Pipeline, Quantity, parse_point, parse_value
+from cmsreduce.config.keys import Pipeline, Quantity, parse_point, parse_value, place_in
 from cmsreduce.config.references import broken_references
 from cmsreduce.config.scene_channels import actuator_channel, free_dof_named, joint_value, sensor_channels
 from cmsreduce.errors import SceneError
@@ -80,7 +80,7 @@ def _joints(pipeline: Pipeline) -> Iterator[Joint]:
         first, second = (parse_point(text) for text in joint.connect)
         offset = None
         if joint.offset is not None:
-            x, y, z = (item.length_in(pipeline.units) for item in joint.offset)
+            x, y, z = place_in(joint.offset, pipeline.units).tolist()
             offset = (x, y, z)
         free = frozenset(dof_index(dof) for dof in joint.free)
         yield Joint(name, first, second, free, offset, _elements(pipeline, name))

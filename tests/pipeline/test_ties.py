@@ -254,3 +254,24 @@ def test_places_by_position_are_the_same_interfaces(tmp_path: Path) -> None:
     np.testing.assert_array_equal(shapes[0][0], shapes[1][0])
     np.testing.assert_allclose(shapes[0][0], [HINGE], atol=1e-12)
     assert abs(shapes[0][1] - shapes[1][1]).max() == 0
+
+
+@pytest.mark.parametrize("unit", ["m-kg-s", "mm-t-s"])
+def test_positions_may_have_units(tied: Callable[..., Run], unit: str) -> None:
+    """A number without a unit is in the unit of its body; the scene is in metres."""
+    point = {"m-kg-s": [0.39, 0.02, 0.04], "mm-t-s": [390, 20, 40]}[unit]
+    found = []
+    for place in (point, ["39 cm", "0.02 m", "40 mm"]):
+        written = "[{}]".format(", ".join(map(str, place)))
+        run = tied(
+            f"components.near.units={unit}",
+            f"components.near.interfaces.end={{nodes: {list(range(46, 55))}, tie: rigid, position: {written}}}",
+            f"components.lump={{rigid: {{mass: 2, cg: {written}, inertia: [1, 1, 1, 0, 0, 0]}}, units: {unit}, "
+            f"interfaces: {{at: {{position: {written}}}}}}}",
+            "scene.joints={weld: {connect: [near.end, lump.at]}}",
+            "scene.articulation={}",
+            "scene.floating=far",
+        )
+        body, lump = run.bodies["near"].body, run.rigid_bodies["lump"]
+        found.append([body.interfaces["end"].position[0], lump.interfaces["at"].position[0], lump.cg])
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-12)

@@ -11,7 +11,7 @@ from cmsreduce.config.keys.files import MatrixFile
 from cmsreduce.config.keys.interface import InterfaceKeys
 from cmsreduce.config.keys.joints import Articulation
 from cmsreduce.config.keys.keep import KeepKeys
-from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point
+from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point, place_in
 from cmsreduce.config.keys.parameters import ParameterKeys, ParameterMatrix, parse_value
 from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema, key_names
 from cmsreduce.config.keys.project import ProjectKeys
@@ -69,6 +69,7 @@ __all__ = [
     "key_names",
     "parse_point",
     "parse_ratio",
+    "place_in",
     "parse_row",
     "parse_value",
     "powers_of",

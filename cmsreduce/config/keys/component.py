@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from cmsreduce.config.keys.balance import RankingKeys
@@ -22,6 +21,7 @@ from cmsreduce.config.keys.mapping import (
     Ratio,
     UnitSystem,
     exactly_one,
+    place_in,
 )
 from cmsreduce.config.keys.modes import ModesKeys
 from cmsreduce.config.keys.quantities import Quantity
@@ -155,7 +155,7 @@ class PlacementKeys(Keys):
 
     def placement(self, units: Units) -> Placement:
         """Rotation and translation in the scene's units."""
-        return Placement(rotation_matrix(self.rotate or ()), np.array([item.length_in(units) for item in self.at]))
+        return Placement(rotation_matrix(self.rotate or ()), place_in(self.at, units))
 
 
 class Component(Keys):

@@ -184,10 +184,10 @@ class InterfaceKeys(Keys):
         "group, point set).",
         examples=["b"],
     )
-    position: Vector | None = Field(
+    position: LengthVector | None = Field(
         default=None,
         description="Point of a rigid body, or point to which nodes are tied (by default their centroid), in the "
-        "body's basic frame and unit of length.",
+        "body's basic frame and unit of length, or with units.",
         examples=[[0, 0, 0]],
     )
     near: LengthVector | None = Field(

@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -54,6 +56,7 @@ __all__ = [
     "WrittenItems",
     "exactly_one",
     "parse_point",
+    "place_in",
     "refused",
     "reported",
 ]
@@ -295,3 +298,14 @@ LengthVector = Annotated[
     tuple[Written, Written, Written], BeforeValidator(_check_vector), AfterValidator(_check_lengths)
 ]
 """Three lengths with or without units."""
+
+
+def place_in(place: Sequence[Quantity], units: Units) -> NDArray[np.float64]:
+    """Coordinates (3,) of a place in a unit system; those without a unit are in that system already.
+
+    Raises
+    ------
+    UnitsError
+        If a unit is not one of length.
+    """
+    return np.array([item.length_in(units) for item in place])

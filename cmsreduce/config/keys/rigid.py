@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
-from cmsreduce.config.keys.mapping import Keys, Number, Positive, Vector
+from cmsreduce.config.keys.mapping import Keys, LengthVector, Number, Positive
+from cmsreduce.config.keys.quantities import Quantity
 from cmsreduce.errors import MatrixError
 from cmsreduce.model import RigidBody
 
@@ -25,7 +26,11 @@ class RigidKeys(Keys):
     """Mass properties of a body that does not deform, in its units and basic frame."""
 
     mass: Positive = Field(description="Mass.", examples=[120.0])
-    cg: Vector = Field(default=(0.0, 0.0, 0.0), description="Centre of mass.", examples=[[0, 0, 0.2]])
+    cg: LengthVector = Field(
+        default=(Quantity(0.0),) * 3,
+        description="Centre of mass, in the body's unit of length or with units.",
+        examples=[[0, 0, 0.2]],
+    )
     inertia: Annotated[tuple[Number, Number, Number, Number, Number, Number], BeforeValidator(_check_inertia)] = Field(
         description="Inertia tensor about the cg: xx yy zz xy xz yz; the last three are entries of the tensor, that "
         "is, minus the products of inertia.",
@@ -35,7 +40,7 @@ class RigidKeys(Keys):
     @model_validator(mode="after")
     def _physical(self) -> RigidKeys:
         try:
-            RigidBody("", self.mass, np.asarray(self.cg), self.tensor())
+            RigidBody("", self.mass, np.zeros(3), self.tensor())
         except MatrixError as error:
             raise ValueError(str(error).partition(": ")[2]) from None
         return self

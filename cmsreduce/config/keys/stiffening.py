@@ -8,8 +8,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, mod
 
 from cmsreduce.config.keys.files import MatrixFile
 from cmsreduce.config.keys.interface import Axis, InterfaceName
-from cmsreduce.config.keys.mapping import Keys, Name, OneOrMore, Vector, reported
-from cmsreduce.config.keys.quantities import measure
+from cmsreduce.config.keys.mapping import Keys, LengthVector, Name, OneOrMore, reported
+from cmsreduce.config.keys.quantities import Quantity, measure
 from cmsreduce.model import INERTIA_LOADS, UnitLoad
 
 __all__ = ["GeometricStiffnessKeys", "SpinKeys", "StiffnessPerLoad"]
@@ -68,9 +68,10 @@ class GeometricStiffnessKeys(Keys):
         "floating frame of `write`, or the body's only interface.",
         examples=["root"],
     )
-    origin: Vector = Field(
-        default=(0.0, 0.0, 0.0),
-        description="Reference point of accelerations and rotations, in the body's basic frame and unit of length.",
+    origin: LengthVector = Field(
+        default=(Quantity(0.0),) * 3,
+        description="Reference point of accelerations and rotations, in the body's basic frame and unit of length, or "
+        "with units.",
         examples=[[0, 0, 0]],
     )
 

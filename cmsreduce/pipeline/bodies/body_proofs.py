@@ -55,6 +55,8 @@ _DEFINITE, _DIGITS = 1e-9, 10.0
 _TOWARD = 0.5
 # Axes in another order must agree better by this much to be a doubt.
 _BETTER = 0.1
+# Nodes that couple with the same nodes as another are few up to this share.
+_FEW = 0.01
 
 
 @dataclass(frozen=True)
@@ -262,7 +264,9 @@ def _mass(
         return checks, Proof("mass", "refuted", remark=said)
     digits = -math.log10(max(_MASS_ALIKE, _MASS_FACTOR * body.stiffness_rounding))
     compare = f"compare {density and f'{density}, '}{_figures(whole)}"
-    if not ordered:
+    # At a corner of a mesh, nodes of one element alone couple with the same nodes; the order of all others is proven.
+    most = not ordered and evidence == order.remark and 0 < order.alike <= _FEW * order.nodes
+    if not ordered and not most:
         return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; {compare}")
     if negative is None:
         return checks, Proof("mass", "unproven", remark=f"its definiteness is not determined; {compare}")
@@ -271,7 +275,8 @@ def _mass(
     deck += "" if amount else f"; no deck states its amount, which is not proven: {compare}"
     if not any("same mass" in check.name for check in checks):
         deck += "; the body is held, so that its masses along x, y, z are not compared"
-    return checks, Proof("mass", "proven", digits, f"{evidence}{deck}{apart}", only="" if amount else "order")
+    only = "most nodes" if most and amount else "order of most nodes" if most else "" if amount else "order"
+    return checks, Proof("mass", "proven", digits, f"{evidence}{deck}{apart}", only=only)
 
 
 def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrder) -> tuple[list[Finding], str]:

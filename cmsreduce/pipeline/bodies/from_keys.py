@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmsreduce.config import EXTSEOUT_NAMES, Component, InterfaceKeys, Pipeline
+from cmsreduce.config import EXTSEOUT_NAMES, Component, InterfaceKeys, Pipeline, place_in
 from cmsreduce.errors import SceneError
 from cmsreduce.mechanics import Tie, places_by_stiffness, tie_nodes
 from cmsreduce.model import FEModel, Interface, RigidBody, Scene, Units, rigid_in_units
@@ -140,7 +140,7 @@ def tied_body(body: FEModel, part: Component, free: bool) -> FEModel:
         body = places_by_stiffness(body)
     for label, keys in part.interfaces.items():
         if keys.tie is not None:
-            position = None if keys.position is None else np.array(keys.position)
+            position = None if keys.position is None else place_in(keys.position, body.units)
             frame = None if keys.frame is None else keys.frame.rows()
             body = tie_nodes(body, label, Tie(keys.tie, position, keys.weights, frame))
     return body
@@ -156,7 +156,7 @@ def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
     """
     part = pipeline.components[name]
     assert part.rigid is not None
-    faces = {}
+    faces, units = {}, part.units_in(scene.units)
     for label, keys in part.interfaces.items():
         if keys.position is None:
             raise SceneError(f"'{name}.{label}': a rigid body has no nodes; give the interface a `position: [x, y, z]`")
@@ -165,13 +165,11 @@ def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
             label,
             np.array([-1]),
             (tuple(sorted(keys.components)),),
-            np.array([keys.position], dtype=np.float64),
+            place_in(keys.position, units)[None],
             frame,
             np.eye(3)[None],
         )
-    body = RigidBody(
-        name, part.rigid.mass, np.array(part.rigid.cg), part.rigid.tensor(), faces, part.units_in(scene.units)
-    )
+    body = RigidBody(name, part.rigid.mass, place_in(part.rigid.cg, units), part.rigid.tensor(), faces, units)
     momentum = np.sum([wheel.vector(scene.units) for wheel in part.wheels.values()] or [np.zeros(3)], axis=0)
     spun = {
         parameter: np.sum([part.wheels[wheel].direction for wheel in turned], axis=0) / keys.unit.number_in(scene.units)
@@ -190,6 +188,6 @@ def _interface(label: str, body: str, keys: InterfaceKeys, units: Units) -> Inte
     dofs = None if keys.dofs is None else "".join(str(c) for c in sorted(keys.components))
     near = None
     if keys.near is not None and keys.within is not None:
-        x, y, z = (item.length_in(units) for item in keys.near)
+        x, y, z = place_in(keys.near, units).tolist()
         near = Nearby((x, y, z), keys.within.length_in(units), keys.match == "nearest")
     return InterfaceSpec(nodes, dofs, keys.set, None if keys.frame is None else keys.frame.rows(), near)

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.config import Component, MatrixFile
+from cmsreduce.config import Component, MatrixFile, place_in
 from cmsreduce.errors import DampingError, ReadError, SceneError, UnitsError
 from cmsreduce.mechanics import integrals_about, mass_points
 from cmsreduce.model import SCALAR, Damping, DofTable, Nodes, RigidBody, SecondOrder, Source, Units
@@ -97,7 +97,7 @@ def _of_modes(name: str, part: Component, units: Units) -> ModalBody:
     assert keys is not None
     rigid = None
     if keys.rigid is not None:
-        rigid = RigidBody(name, keys.rigid.mass, np.array(keys.rigid.cg), keys.rigid.tensor())
+        rigid = RigidBody(name, keys.rigid.mass, place_in(keys.rigid.cg, units), keys.rigid.tensor())
     geometry = None if part.geometry is None else part.geometry.file
     if keys.file is not None:
         if part.rows is not None:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.config import GeometricStiffnessKeys, Pipeline
+from cmsreduce.config import GeometricStiffnessKeys, Pipeline, place_in
 from cmsreduce.errors import SceneError
 from cmsreduce.mechanics import bars_stiffness, condensed_dofs, end_dofs, hidden_motion
 from cmsreduce.model import (
@@ -84,7 +84,7 @@ def _given(keys: GeometricStiffnessKeys, body: FEModel, as_read: FEModel) -> tup
         words = [item.file.name, *([item.matrix] if item.matrix else []), "sha256", sha256_of(item.file)]
         sources.append(" ".join(words))
         remarks.append(remark)
-    origin = np.array(keys.origin) * (as_read.units.length / body.units.length)
+    origin = place_in(keys.origin, as_read.units) * (as_read.units.length / body.units.length)
     return GeometricStiffness(tuple(loads), tuple(matrices), tuple(sources), origin, "as in the user's files"), remarks
 
 
@@ -119,7 +119,7 @@ def _computed(
     rows = np.unique(np.concatenate(held)) if held else np.zeros(0, dtype=np.int64)
     bars = bars_in_units(read_bars(geometry.file), as_read.units, body.units)
     hidden = _hidden(geometry.file, body, as_read, bars)
-    origin = np.array(keys.origin) * (as_read.units.length / body.units.length)
+    origin = place_in(keys.origin, as_read.units) * (as_read.units.length / body.units.length)
     words = f"at interface {', '.join(faces)}" if faces else "by its own supports"
     return bars_stiffness(body, bars, loads, held=rows, origin=origin, holding=words, hidden=hidden)
 

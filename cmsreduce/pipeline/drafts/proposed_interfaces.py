@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -98,15 +98,28 @@ def proposed_interfaces(
         Nodes that a node of a shell or a beam became.
     """
     assert body.nodes is not None
-    found = list(_sets(body))
-    lone, shaped = list(_lone_nodes(body, cells)), list(_shaped(body, cells))
+    found, sets = list(_sets(body)), list(_named_sets(body, node_sets or {}, expanded or {}))
+    lone, (shaped, sets) = list(_lone_nodes(body, cells)), _by_name(list(_shaped(body, cells)), sets)
     turning = (body.dofs.component > _TRANSLATIONS).any()
     grid = list(_first_grid(body, expanded or {}))
     # A grid with rotations takes a joint as it is; a node of a solid leaves the rotations free.
     found += [*lone, *grid, *shaped] if turning and not lone else [*lone, *shaped, *grid]
     first = 0 if expanded else 1
-    found[first:first] = _named_sets(body, node_sets or {}, expanded or {})
+    found[first:first] = sets
     return found[:_MOST_PLACES]
+
+
+def _by_name(shaped: Sequence[Place], sets: Sequence[Place]) -> tuple[list[Place], list[Place]]:
+    """Holes and faces, first those whose nodes a set of the deck names, as that set; and the sets that are left."""
+    of = {frozenset(each.nodes): each for each in reversed(sets)}
+    named, others = [], []
+    for place in shaped:
+        if (known := of.get(frozenset(place.nodes))) is None:
+            others.append(place)
+        else:
+            named.append(replace(place, name=known.name, interface=known.interface))
+    taken = {each.name for each in named}
+    return named + others, [each for each in sets if each.name not in taken]
 
 
 def _named_sets(

@@ -15,6 +15,8 @@ from cmsreduce.config import build_scene, load_pipeline
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible
+from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
+from cmsreduce.read import prove_mass_order, prove_row_order
 from tests.frames import BAR, beam_matrices, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
 from tests.solids import block
@@ -358,6 +360,21 @@ def test_the_amount_of_a_mass_without_materials_is_a_figure_to_compare(
     assert f"no deck states its amount, which is not proven: compare {density}, mass {1518.75 * mass:g}" in proof.remark
     said = [each for each in found.notes if "as no material has" in each]
     assert len(said) == bool(note) and all(note in each for each in said)
+
+
+@pytest.mark.parametrize(("alike", "state", "only"), [(2, "proven", "order of most nodes"), (3, "unproven", "")])
+def test_a_few_nodes_that_couple_alike_leave_the_order_of_most(alike: int, state: str, only: str) -> None:
+    """As in quadratic meshes, where the middle nodes of an element at a corner are no other element's; of 250 nodes."""
+    body = block("part", [0.9, 0.4, 0.4], (9, 4, 4))
+    order = prove_mass_order(body)
+    assert (order.status, order.nodes) == ("proven", 250)
+    few = replace(order, status="alike", alike=alike, remark=f"{order.remark}; {alike} of 250 nodes couple alike")
+    found = prove_body(body, body, (None, None), prove_row_order(body), few, definite(body, None))
+    proof = next(each for each in found.proofs if each.what == "mass")
+    assert (proof.state, proof.only) == (state, only)
+    assert f"{alike} of 250 nodes couple alike; " in proof.remark and "compare mass 388.8" in proof.remark
+    wrong = prove_body(body, body, (None, None), prove_row_order(body), few, {"stiffness": 0, "mass": 1})
+    assert next(each for each in wrong.proofs if each.what == "mass").state == "refuted"
 
 
 def test_lumps_on_a_solid_are_no_density(tmp_path: Path) -> None:

@@ -362,7 +362,10 @@ def test_lone_nodes_come_before_faces() -> None:
     named = proposed_interfaces(body, cells, sets)
     assert [(place.name, place.interface) for place in named[:3]] == [
         ("node_99", "{node: 99}"),
-        ("end_1", '{set: "end 1", tie: rigid}'),
         ("TIP", "{set: TIP}"),
+        ("end_1", '{set: "end 1", tie: rigid}'),
     ]
+    # A face that a set names, too, is there once, by its name.
+    assert named[2].words.startswith("flat face of area 0.006")
+    assert sum(set(place.nodes) == {1, 2, 3, 4} for place in named) == 1
     assert "ALL" not in [place.name for place in named]
