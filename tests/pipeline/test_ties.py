@@ -265,7 +265,7 @@ def test_positions_may_have_units(tied: Callable[..., Run], unit: str) -> None:
         written = "[{}]".format(", ".join(map(str, place)))
         run = tied(
             f"components.near.units={unit}",
-            f"components.near.interfaces.end={{nodes: {list(range(46, 55))}, tie: rigid, position: {written}}}",
+            f"components.near.interfaces.end.position={written}",
             f"components.lump={{rigid: {{mass: 2, cg: {written}, inertia: [1, 1, 1, 0, 0, 0]}}, units: {unit}, "
             f"interfaces: {{at: {{position: {written}}}}}}}",
             "scene.joints={weld: {connect: [near.end, lump.at]}}",

@@ -170,7 +170,8 @@ class FrameKeys(Keys):
 class InterfaceKeys(Keys):
     """Place of a body at which a joint can attach; a lone number is a node."""
 
-    alternatives: ClassVar[tuple[str, ...]] = ("node", "nodes", "set", "position", "near")
+    # A position stands beside the nodes of a tie.
+    alternatives: ClassVar[tuple[str, ...]] = ("node", "nodes", "set", "near")
     short_key: ClassVar[str] = "node"
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"type": "integer"},)
 
