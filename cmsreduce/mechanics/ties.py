@@ -16,9 +16,9 @@ from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, Untie
 
 __all__ = ["Tie", "tie_nodes"]
 
-# Nodes with less spread across a line, relative to that along it, are in line: coordinates are printed with eight
-# digits, and their differences lose two.
-_IN_LINE = 1e-6
+# Nodes with less spread across a line, relative to that along it, are in line. Their rotation about it is that much
+# smaller than their other motions, and its square of the digits of the stiffness is lost: half of them remain here.
+_IN_LINE = 1e-4
 _SIX = np.arange(1, 7, dtype=np.int8)
 _TRANSLATIONS = (1, 2, 3)
 _NAMED = 8

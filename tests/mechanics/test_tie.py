@@ -234,6 +234,20 @@ def nodes_of(*members: int, parts: tuple[int, ...] = (1, 2, 3)) -> dict[str, Int
     return {"end": Interface("end", ids, (parts,) * ids.size, FREE.nodes.xyz[ids - 1], np.eye(3))}
 
 
+@pytest.mark.parametrize(("off", "refused"), [(1e-3, False), (3e-5, True)])
+def test_nodes_so_nearly_in_line_that_digits_would_be_lost_are_refused(off, refused):
+    faces = nodes_of(1, 2, 3)
+    at = FREE.nodes.xyz.copy()
+    at[1] += off * np.linalg.norm(at[2] - at[0]) * np.array([1.0, 0.0, 0.0])
+    body = replace(FREE, nodes=replace(FREE.nodes, xyz=at), interfaces=faces)
+    if refused:
+        with pytest.raises(SceneError, match="in line"):
+            tie_nodes(body, "end", Tie("average"))
+        return
+    # Nothing is stiffened: the frequencies are those of the body, but for digits that the lever costs.
+    np.testing.assert_allclose(elastic(tie_nodes(body, "end", Tie("average"))), elastic(FREE), rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("body", "tie", "message"),
     [
