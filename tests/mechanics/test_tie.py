@@ -234,6 +234,18 @@ def nodes_of(*members: int, parts: tuple[int, ...] = (1, 2, 3)) -> dict[str, Int
     return {"end": Interface("end", ids, (parts,) * ids.size, FREE.nodes.xyz[ids - 1], np.eye(3))}
 
 
+@pytest.mark.parametrize("length", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_unit_of_length_decides_whether_nodes_are_in_line(kind, length):
+    """The nodes of a straight beam tied by their translations alone: its rotation about itself stays undetermined."""
+    beam = replace(line("beam", [0, 0, 0], [1, 0, 0], 4), units=Units("m-kg-s", 1.0, 1.0, 1.0))
+    beam = in_units(beam, Units("other", 1 / length, 1.0, 1.0))
+    ids = np.array([1, 3, 5])
+    ends = Interface("end", ids, ((1, 2, 3),) * 3, beam.nodes.xyz[ids - 1], np.eye(3))
+    with pytest.raises(SceneError, match="in line"):
+        tie_nodes(replace(beam, interfaces={"end": ends}), "end", Tie(kind))
+
+
 @pytest.mark.parametrize(("off", "refused"), [(1e-3, False), (3e-5, True)])
 def test_nodes_so_nearly_in_line_that_digits_would_be_lost_are_refused(off, refused):
     faces = nodes_of(1, 2, 3)
