@@ -97,7 +97,7 @@ def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
     G[:3, 3:] = -cross_matrix(position - centre)
     G = np.kron(np.eye(2), axes) @ G / np.repeat([1.0, length], 3)
     R = _shapes(body, rows, centre) / np.repeat([1.0, length], 3)
-    _check_determined(where, body, face, rows, R, centre, length)
+    _check_determined(where, body, face, rows, R, centre, length, tie.kind)
     if tie.kind == "rigid":
         T = _transformation(body.n, rows, R @ np.linalg.inv(G), np.zeros((rows.size, 0)), rows[:0])
         gone = rows
@@ -165,8 +165,9 @@ def _check_determined(
     R: NDArray[np.float64],
     centre: NDArray[np.float64],
     length: float,
+    kind: str,
 ) -> None:
-    """Refuse nodes that leave a rigid motion of the point undetermined which the body has."""
+    """Refuse nodes that leave a rigid motion of the point undetermined."""
     every = np.flatnonzero(body.dofs.component > 0)
     of_body = _shapes(body, every, centre) / np.repeat([1.0, length], 3)
     # As displacements at the length of the face, so that no unit of length decides.
@@ -174,7 +175,8 @@ def _check_determined(
         A * np.where(body.dofs.component[rows] > 3, length, 1.0)[:, None] for A, rows in ((of_body, every), (R, rows))
     )
     _, size, motions = la.svd(of_body, full_matrices=False)
-    motions = motions[size > _IN_LINE * size.max()]
+    # Least squares need all six; a rigid tie leaves out what the body does not have.
+    motions = motions if kind == "average" else motions[size > _IN_LINE * size.max()]
     if la.svdvals(R @ motions.T).min() > _IN_LINE and R.shape[0] >= len(motions):
         return
     assert body.nodes is not None

@@ -14,6 +14,7 @@ from cmsreduce.project.response_certificate import (
     ResponseCertificate,
     response_certificates,
     richer_shapes,
+    settled_certificates,
 )
 from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes
 from cmsreduce.project.scene_shapes import ResponseLimits, SceneFit, energy_shapes, fit_shapes, objective
@@ -49,5 +50,6 @@ __all__ = [
     "response_certificates",
     "returned",
     "richer_shapes",
+    "settled_certificates",
     "system_cost",
 ]

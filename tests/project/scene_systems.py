@@ -12,11 +12,15 @@ from cmsreduce.project import BodyModes, ResponseSample, SceneResponses
 __all__ = ["random_scene", "random_shapes", "whole_responses"]
 
 
-def random_scene(rng: np.random.Generator, damping: str = "modal", configurations: int = 1) -> SceneResponses:
+def random_scene(
+    rng: np.random.Generator, damping: str = "modal", configurations: int = 1, *, extreme: bool = False
+) -> SceneResponses:
     """Two bodies of 8 to 29 elastic modes with rigid motion and one to three joint rows.
 
-    The response to be met is that of the bodies in all their modes.
+    The response to be met is that of the bodies in all their modes. ``extreme``: a thousandth to ten times the usual
+    damping.
     """
+    times = 10 ** rng.uniform(-3, 1) if extreme else 1.0
     c, y, u = int(rng.integers(1, 4)), int(rng.integers(1, 3)), int(rng.integers(1, 3))
     bodies, samples = {}, []
     for name in ("one", "other"):
@@ -24,10 +28,10 @@ def random_scene(rng: np.random.Generator, damping: str = "modal", configuration
         w, zeta = np.sort(rng.uniform(0.5, 15, n)), 10 ** rng.uniform(-3, -1)
         if damping == "matrix":
             X = rng.standard_normal((n, n))
-            bodies[name] = BodyModes(w, 2 * zeta * np.diag(w) + 1e-3 * X @ X.T)
+            bodies[name] = BodyModes(w, times * (2 * zeta * np.diag(w) + 1e-3 * X @ X.T))
         else:
-            viscous = 2 * zeta * w if damping == "modal" else np.zeros(n)
-            bodies[name] = BodyModes(w, viscous, 0.0 if damping == "modal" else 2 * zeta)
+            viscous = 2 * times * zeta * w if damping == "modal" else np.zeros(n)
+            bodies[name] = BodyModes(w, viscous, 0.0 if damping == "modal" else 2 * times * zeta)
     for _ in range(configurations):
         omega = np.geomspace(0.05, 5, 60)
         left, right = {}, {}

@@ -24,6 +24,7 @@ from cmsreduce.project import (
     objective,
     response_certificates,
     richer_shapes,
+    settled_certificates,
     shape_search,
     shape_starts,
 )
@@ -32,6 +33,8 @@ from tests.project.scene_systems import random_scene, random_shapes, whole_respo
 
 LIMITS = ResponseLimits(0.02, 1.0)
 DAMPING = ["modal", "matrix", "structural"]
+# Errors of 20, 18, 15 and 6 times the estimate of one set of richer shapes.
+SLOW = [(600, "modal"), (783, "modal"), (532, "matrix"), (704, "structural")]
 
 
 @pytest.mark.parametrize("measure", [misfit, decibel_misfit])
@@ -295,6 +298,35 @@ def test_certificates_hold_on_random_systems(damping):
         error = abs(scene.joined(shapes)[0].H - whole)
         assert (error <= found.bound * (1 + 1e-9) + 1e-9 * abs(whole)).all()
         assert np.linalg.norm(error) <= ESTIMATE_FACTOR * np.linalg.norm(found.estimate)
+
+
+@pytest.mark.parametrize("damping", DAMPING)
+def test_an_estimate_that_may_be_far_too_small_is_not_settled(damping):
+    """With a thousandth to ten times the usual damping; benchmarks/smallest_model.py has 1500 systems."""
+    rng = np.random.default_rng(21)
+    settled = []
+    for _ in range(30):
+        scene = random_scene(rng, damping, extreme=True)
+        shapes = random_shapes(rng, scene)
+        (found,), (whole,) = settled_certificates(scene, shapes), whole_responses(scene)
+        error = abs(scene.joined(shapes)[0].H - whole)
+        assert (error <= found.bound * (1 + 1e-9) + 1e-9 * abs(whole)).all()
+        assert not found.settled or np.linalg.norm(error) <= 2 * np.linalg.norm(found.estimate)
+        settled.append(found.settled)
+    assert np.mean(settled) > 0.7
+
+
+@pytest.mark.parametrize(("seed", "damping"), SLOW)
+def test_residuals_that_do_not_converge_are_told(seed, damping):
+    """Here one set of richer shapes sees less than a fifth of the error."""
+    rng = np.random.default_rng(seed)
+    scene = random_scene(rng, damping, extreme=True)
+    shapes = random_shapes(rng, scene)
+    once = richer_shapes(scene, shapes, max(V.shape[1] for V in shapes.values()))
+    (first,), (found,) = response_certificates(scene, shapes, once), settled_certificates(scene, shapes)
+    error = np.linalg.norm(scene.joined(shapes)[0].H - whole_responses(scene)[0])
+    assert error > ESTIMATE_FACTOR * np.linalg.norm(first.estimate)
+    assert not found.settled
 
 
 def test_without_damping_no_bound_is_claimed():

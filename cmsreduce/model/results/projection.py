@@ -114,9 +114,11 @@ class CertificateRecord:
     solved : tuple of SolvedPoint
         Frequencies with the largest estimates.
     factor : float
-        The error of a configuration is at most so many times its estimate, as a rule.
+        The error of a configuration is at most so many times its estimate, as a rule, where the estimate has settled.
     reference : mapping of body to str
         The unreduced bodies as they were solved.
+    unsettled : tuple of str
+        Configurations whose estimate has not: the factor does not hold there.
     """
 
     estimated: Mapping[str, float]
@@ -124,6 +126,7 @@ class CertificateRecord:
     solved: tuple[SolvedPoint, ...]
     factor: float
     reference: Mapping[str, str]
+    unsettled: tuple[str, ...] = ()
 
     @property
     def worst(self) -> tuple[str, float, float]:

@@ -13,8 +13,7 @@ from cmsreduce.project import (
     ResponseCertificate,
     SceneResponses,
     Shapes,
-    response_certificates,
-    richer_shapes,
+    settled_certificates,
 )
 
 __all__ = ["DirectSolve", "certified"]
@@ -46,8 +45,7 @@ def certified(
     reference : mapping of body to str
         How they enter these solves.
     """
-    most = max((V.shape[1] for V in shapes.values()), default=0)
-    certificates = response_certificates(scene, shapes, richer_shapes(scene, shapes, most))
+    certificates = settled_certificates(scene, shapes)
     estimated, bounds, solved = dict[str, float](), dict[str, float](), list[SolvedPoint]()
     for sample, joined, each, found in zip(
         scene.samples, scene.joined(shapes), configurations, certificates, strict=True
@@ -68,7 +66,8 @@ def certified(
         for k, square in zip(at, error, strict=True):
             shares = (_share(float(part), float(size[k])) for part in (square, squares[0][k], squares[1][k]))
             solved.append(SolvedPoint(each.name, float(sample.omega[k] / (2 * np.pi)), *shares))
-    return CertificateRecord(estimated, bounds, tuple(solved), ESTIMATE_FACTOR, reference)
+    unsettled = tuple(each.name for each, found in zip(configurations, certificates, strict=True) if not found.settled)
+    return CertificateRecord(estimated, bounds, tuple(solved), ESTIMATE_FACTOR, reference, unsettled)
 
 
 def _share(square: float, whole: float) -> float:

@@ -330,4 +330,11 @@ class ResponseShapes:
             f"{len(certificate.solved)} frequencies with the largest estimates, solves of the unreduced bodies give at "
             f"most {off:.3g} times the estimated error"
         )
+        if certificate.unsettled:
+            more = f" and {len(certificate.unsettled) - 1} more" if len(certificate.unsettled) > 1 else ""
+            notes.append(
+                f"project: certificate: the estimate has not settled in '{certificate.unsettled[0]}'{more}: shapes "
+                "from the residuals do not converge, as near resonances with little damping, and the error may be many "
+                "times the estimate; there only the bound and the solves count"
+            )
         return notes

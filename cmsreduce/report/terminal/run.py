@@ -212,9 +212,10 @@ def _projection(record: ProjectionRecord) -> Iterator[str]:
         name, estimate, bound = record.certificate.worst
         counts = ", ".join(f"{rank} of {body}" for body, rank in record.rank.items())
         proven = f"proven below {per_cent(bound)} of all candidates"
+        sure = " (not settled)" if name in record.certificate.unsettled else ""
         yield (
             f"scene shapes: {counts}, optimised in {plural(len(record.configurations), 'configuration')}; frf_error by "
-            f"residuals: {per_cent(estimate)}, {proven if bound < np.inf else _UNBOUNDED} ('{name}')"
+            f"residuals: {per_cent(estimate)}{sure}, {proven if bound < np.inf else _UNBOUNDED} ('{name}')"
         )
         return
     for body, values in record.singular.items():
