@@ -16,15 +16,11 @@ from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, Nodes
 from cmsreduce.model.integrals import SecondOrder
 from cmsreduce.model.parameters import ParameterTerm, Values, varied
-from cmsreduce.model.rounding import CONDENSATION, DOUBLE
+from cmsreduce.model.rounding import DOUBLE
+from cmsreduce.model.sound_matrix import checked_matrix
 from cmsreduce.model.units import SI, Units
 
 __all__ = ["FEModel", "Interface", "Recovery", "Source", "UntiedMass"]
-
-# A matrix must be symmetric to this multiple of the rounding of its file, or to the error of condensation, relative to
-# the largest entry: a missing triangle or a wrong matrix leaves order 1.
-_SYMMETRY_FACTOR = 1e4
-_PENALTY = 1e30  # beyond any stiffness or mass, whatever the units
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +213,8 @@ class FEModel:
         for letter, what in (("K", "stiffness"), ("M", "mass"), ("D", "damping")):
             A = getattr(self, letter)
             if A is not None and not any(A is sound and A.shape[0] == n for sound in self._sound):
-                object.__setattr__(self, letter, self._checked(A, f"{what} matrix {letter}"))
+                where = f"body '{self.name}': {what} matrix {letter}"
+                object.__setattr__(self, letter, checked_matrix(A, self.dofs, where, self.rounding))
         object.__setattr__(self, "_sound", tuple(A for A in (self.K, self.M, self.D) if A is not None))
         if self.tied is not None and self.tied.T.shape[1] != n:
             raise DofMapError(f"body '{self.name}': tied dofs follow {self.tied.T.shape[1]} rows, but it has {n}")
@@ -233,53 +230,6 @@ class FEModel:
                     f"body '{self.name}': {lost.size} nodes have rows in the matrices but no coordinates in the "
                     f"geometry, the first is {lost[0]}; check that deck and matrices are of one model"
                 )
-
-    def _checked(self, A: sp.csc_array, what: str) -> sp.csc_array:
-        """Matrix made exactly symmetric; refused if it is not finite, not symmetric or has a negative diagonal."""
-        n, where = len(self.dofs), f"body '{self.name}': {what}"
-        A = sp.csc_array(A, dtype=np.float64)
-        if A.indices.dtype != np.int32 and A.nnz <= np.iinfo(np.int32).max:
-            # All that is made of the matrix has as long indices: half as long ones are three quarters of its memory.
-            A = sp.csc_array((A.data, A.indices.astype(np.int32), A.indptr.astype(np.int32)), shape=A.shape)
-        A.sum_duplicates()
-        if A.shape != (n, n):
-            raise MatrixError(
-                f"{where} is {A.shape[0]} x {A.shape[1]}, but the dof table has {n} rows; check that matrix and dof "
-                "list are of one set"
-            )
-        if not np.isfinite(A.data).all():
-            bad, labels = A.tocoo(), self.dofs.labels
-            at = int(np.flatnonzero(~np.isfinite(bad.data))[0])
-            raise MatrixError(
-                f"{where} holds {bad.data[at]} at row {bad.row[at] + 1} ({labels[bad.row[at]]}), "
-                f"column {bad.col[at] + 1}: the run that wrote the matrix failed there; write it again"
-            )
-        largest = float(abs(A.data).max(initial=0.0))
-        limit = max(_SYMMETRY_FACTOR * self.rounding, CONDENSATION) * largest
-        mirrored = sp.csc_array(A.T)
-        # A symmetric pattern, which nearly all have, leaves only values to compare.
-        paired = np.array_equal(A.indptr, mirrored.indptr) and np.array_equal(A.indices, mirrored.indices)
-        exact = paired and np.array_equal(A.data, mirrored.data)
-        skew = sp.coo_array((n, n)) if exact else sp.coo_array(_combined(A, mirrored, -1.0, paired))
-        skew.data = abs(skew.data)
-        if (worst := float(skew.data.max(initial=0.0))) > limit:
-            at = int(skew.data.argmax())
-            i, j, labels = int(skew.row[at]), int(skew.col[at]), self.dofs.labels
-            raise MatrixError(
-                f"{where} is not symmetric: it differs from its transpose by {worst / largest:.2e} of its largest "
-                f"entry (rows {labels[i]} and {labels[j]}: {A[i, j]:.6g} against {A[j, i]:.6g}). If the file holds "
-                "one triangle only, mark the matrix as symmetric in it; otherwise the body is not a passive structure"
-            )
-        diagonal = A.diagonal()
-        if diagonal.min(initial=0.0) < -limit:
-            at = int(diagonal.argmin())
-            raise MatrixError(
-                f"{where} is not positive semidefinite: its diagonal is {diagonal[at]:.6g} at row {at + 1} "
-                f"({self.dofs.labels[at]}). Check its sign and its source: a structure returns no more energy than it "
-                "takes up"
-            )
-        _refuse_penalties(A, self.dofs, where)
-        return A if exact and A.data.all() else _combined(A, mirrored, 1.0, paired) * 0.5
 
     def __repr__(self) -> str:
         return f"<FEModel {self.name}: {self.n} dofs, {len(self.interfaces)} interfaces>"
@@ -327,25 +277,3 @@ class FEModel:
         face = self.interfaces[name]
         pairs = zip(face.node, face.components, strict=True)
         return np.concatenate([self.dofs.rows_of(int(node), parts) for node, parts in pairs])
-
-
-def _combined(A: sp.csc_array, B: sp.csc_array, factor: float, paired: bool) -> sp.csc_array:
-    """A + factor B without zeros; ``paired`` if both have the same pattern."""
-    if not paired:
-        return sp.csc_array(A + factor * B)
-    both = sp.csc_array((A.data + factor * B.data, A.indices, A.indptr), shape=A.shape, copy=False)
-    if not both.data.all():
-        # The pattern is shared with A.
-        both = both.copy()
-        both.eliminate_zeros()
-    return both
-
-
-def _refuse_penalties(A: sp.csc_array, dofs: DofTable, where: str) -> None:
-    """Refuse rows that a huge number on the diagonal holds: beside it no other entry can be seen."""
-    diagonal = A.diagonal()
-    if (held := np.flatnonzero(diagonal > _PENALTY)).size and held.size < len(dofs):
-        raise MatrixError(
-            f"{where} holds {held.size} rows by a penalty, first {dofs.labels[held[0]]}: {diagonal[held[0]]:.3g} on "
-            "the diagonal, as Abaqus writes supports. Write both matrices without supports, or leave these rows out"
-        )

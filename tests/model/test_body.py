@@ -27,6 +27,16 @@ REFUSED = {
         {"K": with_entry(0, 2, 0.3)},
         r"not symmetric: .* by 1\.00e-01 .*rows (1\.1 and 2\.1|2\.1 and 1\.1)",
     ),
+    "upper triangle": ({"M": with_entry(0, 2, 0.3)}, r"holds its upper triangle only\. .* A \+ A\.T - diag\(A\)"),
+    "lower triangle": ({"M": with_entry(2, 0, 0.3)}, r"holds its lower triangle only"),
+    "turned": (
+        {"K": sp.csc_array([[3.0, 0.3, 0], [-0.3, 2, 0], [0, 0, 1]])},
+        r"passive structure is symmetric: name another matrix",
+    ),
+    "Lagrange multiplier": (
+        {"K": sp.csc_array([[1e10, -1e10, 1.0], [-1e10, 1e10, -1.0], [1.0, -1.0, 0]])},
+        r"not positive semidefinite: its diagonal is 0 at row 3 \(2\.1\), which has -?1 at 1\.[12], .* Lagrange",
+    ),
     "unsymmetric damping": ({"D": with_entry(0, 1, 0.3)}, r"damping matrix D is not symmetric"),
     "penalty": (
         {"K": sp.csc_array([[1e36, 0.5, 0], [0.5, 1e36, 0], [0, 0, 1.0]])},
@@ -58,6 +68,11 @@ def test_symmetry_is_asked_to_the_digits_of_the_file(rounding, accepted):
 def test_an_entry_without_its_mirror_is_halved_if_it_is_rounding():
     body = FEModel("b", with_entry(0, 2, 1e-17), sp.csc_array(GOOD), DOFS)
     assert body.K[0, 2] == body.K[2, 0] == 5e-18
+
+
+def test_round_off_beside_a_zero_on_the_diagonal_is_no_multiplier():
+    A = sp.csc_array([[1e10, 0, 1e-6], [0, 1e10, 0], [1e-6, 0, 0]])
+    assert FEModel("b", A, sp.csc_array(GOOD), DOFS).K[0, 2] == 1e-6
 
 
 def test_a_changed_body_is_checked_where_it_changes():
