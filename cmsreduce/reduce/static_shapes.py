@@ -35,6 +35,9 @@ _NEW = 1e-12
 # Modes are removed from a load before the solve; of a load in their span this leaves the square of their own error.
 # A mode far softer than the rest may hold all but 1e-14 of a load's energy, and the remainder matters.
 _BEYOND_MODES = 1e-18
+# Relative to the largest strain energy under a load of the same norm: less is the square of round-off, as under loads
+# that only move parts of a body, such as the ends of a spring across it.
+_ROUND_OFF = 1e-28
 # Shapes of a basis are dependent when the others leave less than this share of one's strain energy.
 _DEPENDENT = 1e-13
 # The root of rounding: from an error of orthonormality this small, a step of Newton's iteration leaves rounding.
@@ -104,17 +107,19 @@ def residual_shapes(
         stiffness = symmetric_product(K)
         for part in column_blocks(V.shape[1]):
             share[part] = 1 / np.einsum("ij,ij->j", V[:, part], stiffness(V[:, part]))
-    U, of_known = new_basis(n, F.count), np.empty(F.count)
+    U, of_known, norm = new_basis(n, F.count), np.empty(F.count), np.empty(F.count)
     for first in range(0, F.count, BLOCK):
         part = slice(first, min(first + BLOCK, F.count))
         f = F.block(part)
         held = V.T @ f
         put(solve(f - force(V @ held)), U[:, part])
         _clear(U[:, part], V, force)
-        of_known[part] = share @ held**2
+        of_known[part], norm[part] = share @ held**2, np.einsum("ij,ij->j", f, f)
     energy = congruence(K, U)
     own = energy.diagonal()
-    beyond = own > (_NEW if M is None else _BEYOND_MODES) * (own + of_known)
+    total = own + of_known
+    floor = _ROUND_OFF * norm * (total / np.where(norm > 0, norm, 1.0)).max()
+    beyond = own > np.maximum((_NEW if M is None else _BEYOND_MODES) * total, floor)
     scale = np.where(beyond, 1 / np.sqrt(np.where(beyond, own, 1.0)), 0.0)
     R, number = _pivoted_cholesky(energy * np.outer(scale, scale), _NEW)
     Psi = new_basis(n, number.size)

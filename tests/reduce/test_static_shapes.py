@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.sparse import factorise
-from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.model import DofTable, FEModel, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, MacNealRubin
 from cmsreduce.reduce.static_shapes import elastic_solve, independent_columns, residual_shapes, unit_loads
@@ -152,3 +152,16 @@ def test_hundreds_of_loads_on_neighbouring_dofs():
     shapes = np.hstack([V, Psi])
     found = shapes @ (shapes.T @ unit_loads(n, rows[::50]))
     np.testing.assert_allclose(found, exact, atol=1e-11)
+
+
+def test_loads_that_bend_nothing_add_no_shapes():
+    """A spring along x joins two masses, which nothing joins across: round-off under loads across is no shape."""
+    k = np.zeros((6, 6))
+    k[np.ix_([0, 3], [0, 3])] = 1e3 * np.array([[1, -1], [-1, 1]])
+    body = FEModel("pair", sp.csc_array(k), sp.eye_array(6, format="csc"), DofTable([1] * 3 + [2] * 3, [1, 2, 3] * 2))
+    # A basis of the free motions with round-off, as factorisations leave it.
+    turn = la.qr(np.random.default_rng(0).standard_normal((5, 5)))[0]
+    rigid = la.null_space(k) @ turn
+    mode = np.array([[1.0, 0, 0, -1, 0, 0]]).T / np.sqrt(2)
+    Psi, number = residual_shapes(elastic_solve(body, rigid), body.K, np.eye(6), mode, body.M)
+    assert Psi.shape == (6, 0) and number.size == 0
