@@ -60,8 +60,11 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
         try:
             done = subprocess.run(command, capture_output=True, timeout=_WAITING * seconds, check=False)
         except subprocess.TimeoutExpired:
-            done = None
-        if done is None or -done.returncode in _STOPPED:
+            raise refused(
+                f"Reading it was stopped after {_WAITING * seconds:.0f} s, in which the machine gave it less than "
+                f"{seconds:.0f} s of a processor: run again when it is less busy"
+            ) from None
+        if -done.returncode in _STOPPED:
             raise refused(f"Reading it was stopped after {seconds:.0f} s: it is damaged")
         if done.returncode < 0:
             raise refused(f"The library crashed (signal {-done.returncode}): it is damaged")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import struct
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 import scipy.linalg as la
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read import MatrixSource, detect_format, matrix_names, read_body, read_cells
+from cmsreduce.read import MatrixSource, detect_format, matrix_names, read_body, read_cells, read_geometry
 from cmsreduce.read.ansys.full_file import library_refused
 
 LIBRARY = importlib.util.find_spec("ansys.mapdl") if importlib.util.find_spec("ansys") else None
@@ -67,3 +68,15 @@ def test_what_the_library_does_not_read_is_refused(
 
 def test_without_the_library_the_message_says_how_to_install_it() -> None:
     assert "pip install 'cmsreduce[ansys]'" in str(library_refused(Path("a.full"), "No module named 'ansys'"))
+
+
+def test_a_busy_machine_is_not_taken_for_a_damaged_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def late(*args: object, **options: object) -> None:
+        raise subprocess.TimeoutExpired("python", 30.0)
+
+    monkeypatch.setattr("cmsreduce.read.libraries.subprocess.run", late)
+    path = tmp_path / "body.cdb"
+    path.write_text("NBLOCK,6,SOLID\n")
+    with pytest.raises(ReadError, match=r"stopped after 30 s, .* less than 5 s of a processor: run again") as found:
+        read_geometry(path)
+    assert "damaged" not in str(found.value)
