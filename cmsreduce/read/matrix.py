@@ -14,7 +14,7 @@ from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind,
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
-from cmsreduce.read.matrices import HARWELL_BOEING
+from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, NPY, NPZ
 from cmsreduce.read.nastran import DMIG
 
 __all__ = ["detect_format", "matrix_names", "read_matrix"]
@@ -94,7 +94,8 @@ def read_matrix(
     chosen = _format_of(path, format)
     with reading(path, f"the file ({chosen.words})"):
         found = _choose(path, _numbered(chosen.read(path)), matrix, chosen)
-    if found.numbers.startswith("complex"):
+    # The arrays of numpy and MATLAB may be complex without an imaginary part, which loading shows.
+    if found.numbers.startswith("complex") and chosen not in (NPY, NPZ, MATLAB):
         raise ReadError(f"{path}: matrix '{found.name}' is complex; stiffness, mass and damping must be real")
     if chosen is DMIG and found.form == "rectangular" and not rectangular:
         raise ReadError(
@@ -115,7 +116,7 @@ def read_matrix(
     return loaded.with_dofs(table, list_path) if loaded.dofs is None else loaded.on(table)
 
 
-def matrix_names(path: Path, format: str | None = None) -> list[MatrixInfo]:
+def matrix_names(path: Path, format: str | None = None, *, unusable: bool = False) -> list[MatrixInfo]:
     """List the matrices of a file.
 
     Parameters
@@ -124,11 +125,13 @@ def matrix_names(path: Path, format: str | None = None) -> list[MatrixInfo]:
         The file.
     format : str, optional
         A key of ``FORMATS``, in place of detection by content.
+    unusable : bool
+        List variables that are no matrix of numbers, too; reading one gives the reason.
 
     Returns
     -------
     list of MatrixInfo
-        In the order of the file, without variables that are no matrix of numbers.
+        In the order of the file.
 
     Raises
     ------
@@ -140,7 +143,7 @@ def matrix_names(path: Path, format: str | None = None) -> list[MatrixInfo]:
     with reading(path, f"the file ({chosen.words})"):
         stored = chosen.read(path)
         _refuse_unusable(stored)
-        return [one.info for one in _numbered(stored) if one.usable]
+        return [one.info for one in _numbered(stored) if one.usable or unusable]
 
 
 def _format_of(path: Path, name: str | None) -> MatrixFormat:

@@ -52,16 +52,19 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
         shapes, notes = every_shape, ()
     rows = _rows(kinds, len(shapes))
     geometries = {path: read_geometry(path) for path in shapes}
-    matrices = {path: matrices_of(path, rows, geometries.values()) for path in sources}
+    found = {path: matrices_of(path, rows, geometries.values()) for path in sources}
+    matrices = {path: own for path, (own, _) in found.items()}
     command = f"cmsreduce new {name} STIFFNESS MASS DECK"
     if not any(matrices.values()):
         given = ", ".join(f"{path} ({kind.words})" for path, kind in kinds.items())
+        given += "".join(f" (left out: {reason})" for _, reasons in found.values() for reason in reasons)
         raise ReadError(f"no square matrix in the files given: {given}; name the stiffness and the mass: {command}")
     if len(shapes) < 2:
         every, copies = _each_once(sources)
         shape = geometries[shapes[0]] if shapes else None
         own = [one for path in every for one in matrices[path]]
-        return [replace(stiffness_and_mass(name, own, shape, notes + copies, command), rows=rows)]
+        left_out = [reason for path in every for reason in found[path][1]]
+        return [replace(stiffness_and_mass(name, own, shape, notes + copies, command, left_out), rows=rows)]
     owners = {path: _owner(path, matrices[path], geometries, list(kinds)) for path in sources}
     bodies = []
     for path, label in zip(shapes, body_names(shapes), strict=True):
@@ -73,7 +76,8 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
                 f"its deck: cmsreduce new {name} K1 M1 DECK1 K2 M2 DECK2"
             )
         own = [one for source in every for one in matrices[source]]
-        bodies.append(stiffness_and_mass(label, own, geometries[path], notes + copies, command))
+        left_out = [reason for source in every for reason in found[source][1]]
+        bodies.append(stiffness_and_mass(label, own, geometries[path], notes + copies, command, left_out))
         notes = ()
     return bodies
 

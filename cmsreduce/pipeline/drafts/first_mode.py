@@ -91,7 +91,9 @@ def _translations(body: FEModel, place: Place) -> dict[str, Interface]:
 @diagnostic("the first elastic frequency of '{}'", about=lambda body, rigid: body.name)
 def _beside_rigid_motions(body: FEModel, rigid: NDArray[np.float64]) -> float | None:
     if rigid.shape[1]:
-        return rigid_motions(body, rigid).elastic_hz
+        elastic = rigid_motions(body, rigid).elastic_hz
+        # A body without stiffness, such as one rigid node, has no elastic mode.
+        return elastic if np.isfinite(elastic) else None
     solve = factorise(body.K, what="the stiffness")
     # The softest motion has the largest mass for its stiffness; reduced integration leaves motions without mass.
     inverse = spla.LinearOperator(body.K.shape, solve, dtype=np.float64)

@@ -28,6 +28,7 @@ __all__ = ["Candidate", "matrices_of", "stiffness_and_mass"]
 
 _SUFFIXES = {"k": ".sti", "m": ".mas"}
 _WORDS = {"k": "stiffness", "m": "mass"}
+_DAMPING_NAMES = ("d", "c")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +65,18 @@ class Candidate:
     def called(self, letter: str) -> bool:
         """True if the matrix, or else its file, has the name of a stiffness (k) or of a mass (m)."""
         stem = self.matrix.path.stem.lower()
-        # A matrix in a struct of MATLAB has the name of its field.
-        name = self.name.lower().rpartition(".")[2] or stem
         file = not self.name and (self.matrix.path.suffix.lower() == _SUFFIXES[letter] or _WORDS[letter][:4] in stem)
-        return file or name.startswith((letter, _WORDS[letter][:4]))
+        return file or _called(self.name or stem, letter)
 
 
-def matrices_of(path: Path, rows: Path | None, geometries: Iterable[Geometry]) -> list[Candidate]:
+def _called(name: str, letter: str) -> bool:
+    # A matrix in a struct of MATLAB has the name of its field.
+    return name.lower().rpartition(".")[2].startswith((letter, _WORDS[letter][:4]))
+
+
+def matrices_of(
+    path: Path, rows: Path | None, geometries: Iterable[Geometry]
+) -> tuple[list[Candidate], tuple[str, ...]]:
     """Square matrices of a file, with the evidence that each known table of rows gives.
 
     Parameters
@@ -82,6 +88,12 @@ def matrices_of(path: Path, rows: Path | None, geometries: Iterable[Geometry]) -
     geometries : iterable of Geometry
         Decks and meshes that it may belong to.
 
+    Returns
+    -------
+    matrices : list of Candidate
+    left_out : tuple of str
+        Reasons why others, with the name of a stiffness, a mass or a damping, are not among them.
+
     Raises
     ------
     ReadError
@@ -89,26 +101,33 @@ def matrices_of(path: Path, rows: Path | None, geometries: Iterable[Geometry]) -
     """
     named = FORMATS[file_kind(path).matrices].named
     names: list[str | None] = [None]
+    left_out: list[str] = []
     if named:
-        square = [info for info in matrix_names(path) if info.rows == info.cols > 0]
+        every = matrix_names(path, unusable=True)
+        square = [info for info in every if info.rows == info.cols > 0]
         # Programs write scalars as matrices of one row.
         names = [info.name for info in square if info.rows > 1 or len(square) <= 2]
+        names += [info.name for info in every if not info.rows and any(_called(info.name, letter) for letter in "km")]
     found = []
     for each in names:
         try:
             matrix = read_matrix(path, each, dofs=rows)
-        except ReadError:
+        except ReadError as error:
             if len(names) == 1:
                 raise
             # One of several names in a file, such as a complex matrix of a response.
+            if each and (each.lower() in _DAMPING_NAMES or any(_called(each, letter) for letter in "km")):
+                left_out.append(str(error))
             continue
-        if matrix.A.shape[0] == matrix.A.shape[1]:
+        if not matrix.A.shape[0]:
+            left_out.append(f"{path}: matrix '{matrix.name}' is empty")
+        elif matrix.A.shape[0] == matrix.A.shape[1]:
             tables = [table for one in geometries for table in _translations(matrix, one)]
             shares = [quiet_share(matrix.A, T) for T in tables or _patterns(matrix)]
             diagonal = matrix.A.diagonal()
             massive = bool((diagonal >= 0).all() and (diagonal > 0).any())
             found.append(Candidate(matrix, each or "", max(shares, default=0.0), massive))
-    return found
+    return found, tuple(left_out)
 
 
 def _translations(matrix: LabelledMatrix, geometry: Geometry) -> list[NDArray[np.float64]]:
@@ -134,7 +153,12 @@ def _patterns(matrix: LabelledMatrix) -> list[NDArray[np.float64]]:
 
 
 def stiffness_and_mass(
-    name: str, every: Sequence[Candidate], geometry: Geometry | None, notes: tuple[str, ...], command: str
+    name: str,
+    every: Sequence[Candidate],
+    geometry: Geometry | None,
+    notes: tuple[str, ...],
+    command: str,
+    left_out: Sequence[str] = (),
 ) -> BodyDraft:
     """Stiffness and mass among the matrices of a body.
 
@@ -150,6 +174,8 @@ def stiffness_and_mass(
         What is known of its files already.
     command : str
         What to type where the content does not tell; it ends a message.
+    left_out : sequence of str
+        Reasons why matrices with such names are not among them.
 
     Raises
     ------
@@ -162,7 +188,7 @@ def stiffness_and_mass(
     candidates = next(filter(None, fitting), list(every))
     stiff = [one for one in candidates if one.quiet >= QUIET]
     heavy = [one for one in candidates if one.quiet <= LOUD and one.massive]
-    held = ", ".join(one.words for one in every)
+    held = ", ".join(one.words for one in every) + "".join(f" (left out: {reason})" for reason in left_out)
     if stiff and not heavy and len(stiff) == len(candidates):
         same = _twice(stiff)
         raise ReadError(
@@ -184,7 +210,12 @@ def stiffness_and_mass(
             f"no matrix is clearly the {what}; matrices found: {held}. Their content does not tell, so the name of the "
             f"matrix, or that of its file, should begin with K or M. Name the two alone: {command}"
         )
-    notes = (*notes, *_rivals(K, stiff or candidates, "k"), *_rivals(M, heavy or candidates, "m"))
+    notes = (
+        *notes,
+        *(f"left out: {reason}" for reason in left_out),
+        *_rivals(K, stiff or candidates, "k"),
+        *_rivals(M, heavy or candidates, "m"),
+    )
     if stiff and heavy and K.called("m") and M.called("k"):
         notes = (
             *notes,
@@ -213,7 +244,8 @@ def _damping(K: Candidate, every: Sequence[Candidate]) -> tuple[Path, str] | Non
     """Matrix D, or C, beside K in one file of named matrices."""
     beside = {one.name: one.source for one in every if one.matrix.path == K.matrix.path and one is not K}
     prefix, dot, own = K.name.rpartition(".")
-    called = [prefix + dot + letter for letter in "dDcC"] if own.lower() == "k" else []
+    called = [prefix + dot + case(letter) for letter in _DAMPING_NAMES for case in (str.lower, str.upper)]
+    called = called if own.lower() == "k" else []
     return next((beside[name] for name in called if name in beside), None)
 
 

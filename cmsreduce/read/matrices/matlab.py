@@ -157,7 +157,7 @@ def _load_hdf5_dense(path: Path, name: str) -> LabelledMatrix:
     import h5py
 
     with reading(path, f"variable '{name}'"), h5py.File(path, "r") as file:
-        array = file[name][()].T
+        array = _complex(file[name][()].T)
     return from_array(path, name, "mat", array)
 
 
@@ -170,11 +170,14 @@ def _load_hdf5_sparse(path: Path, name: str) -> LabelledMatrix:
         starts = _indices(group["jc"])
         # MATLAB writes neither where there are no entries.
         rows = _indices(group["ir"]) if "ir" in group else np.empty(0, dtype=np.int64)
-        data = group["data"][()] if "data" in group else np.empty(0)
-        if data.dtype.names:
-            raise ReadError(f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real")
+        data = _complex(group["data"][()]) if "data" in group else np.empty(0)
         A = sp.csc_array((data, rows, starts), shape=(int(group.attrs["MATLAB_sparse"]), starts.size - 1))
     return from_array(path, name, "mat", A)
+
+
+def _complex(array: NDArray[Any]) -> NDArray[Any]:
+    """Complex numbers of pairs, as version 7.3 files hold them; other numbers as they are."""
+    return array["real"] + 1j * array["imag"] if array.dtype.names == ("real", "imag") else array
 
 
 def _indices(dataset: Any) -> NDArray[np.int64]:

@@ -61,7 +61,7 @@ def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix
     name, format : str
         As in LabelledMatrix.
     array : (rows, cols) ndarray or sparse matrix
-        Real numbers.
+        Numbers; complex ones only without an imaginary part.
 
     Raises
     ------
@@ -73,7 +73,11 @@ def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix
     if kind is None:
         raise ReadError(f"{path}: '{name}' holds {dtype}, not numbers; save a plain or sparse matrix of real numbers")
     if kind.startswith("complex"):
-        raise ReadError(f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real")
+        # Programs for responses hold real matrices as complex ones.
+        if abs(array.imag).max():
+            raise ReadError(f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real")
+        array = array.real
+        dtype = np.dtype(array.dtype)
     if array.ndim != 2:
         raise ReadError(f"{path}: '{name}' has {array.ndim} dimensions, a matrix has 2")
     rows, cols = array.shape

@@ -190,7 +190,8 @@ def read_points(cards: Cards) -> tuple[Nodes, Points, NDArray[np.int64]]:
     x, count = grids.x, len(grids)
     spread = np.unique(np.linspace(0, max(count - 1, 0), min(count, _SAMPLE)).astype(int))
     printed = np.zeros_like(x)
-    printed[spread] = [grids.rounding(row) for row in spread.tolist()]
+    # A deck of scalar points has no grids.
+    printed[spread] = np.reshape([grids.rounding(row) for row in spread.tolist()], (-1, 3))
     xyz, rounding = np.zeros_like(x), np.zeros(count)
     for cp, at in _places(grids.cp):
         system = chain.system(cp, grids.at(at[0]).where)

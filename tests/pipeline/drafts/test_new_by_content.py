@@ -192,6 +192,8 @@ def test_exchanged_matrices_are_said(files: list[Path], plate: tuple[np.ndarray,
         (["3", "3", "2"], r"no mass among the matrices found: 3\. .*: cmsreduce new plate STIFFNESS MASS DECK$"),
         (["1", "2"], r"no stiffness among the matrices found: 1\..*: cmsreduce new plate STIFFNESS MASS DECK$"),
         (["twice.npz", "2"], r"a in twice\.npz has the same numbers as b in twice\.npz"),
+        (["opaque.npz", "2"], r"no stiffness .*\(left out: opaque\.npz: 'K' holds pickled Python objects"),
+        (["empty.npz", "2"], r"no mass .*\(left out: empty\.npz: matrix 'M' is empty\)"),
         (["2"], r"no square matrix in the files given: 2 \(NASTRAN bulk data\); .*: cmsreduce new plate"),
         (["3", "1", "2", "picture"], r"picture: this is a picture, which holds no matrix and no nodes"),
         (["gone", "2"], r"gone: there is no such file"),
@@ -202,11 +204,30 @@ def test_refusals_end_with_the_next_step(
     files: list[Path], plate: tuple[np.ndarray, ...], given: list[str], message: str
 ) -> None:
     np.savez("twice", a=plate[2], b=plate[2])
+    np.savez("opaque", K=plate[2].astype(object), M=plate[3])
+    np.savez("empty", K=plate[2], M=np.zeros((0, 0)))
     Path("picture").write_bytes(b"\x89PNG\r\n\x1a\n")
     with pytest.raises(ReadError, match=message):
         draft_body("plate", [Path(name) for name in given])
     assert typed("new", "plate", *given)[0] == 2
     assert not Path("plate.yaml").exists()
+
+
+def test_a_damping_that_is_left_out_is_said(files: list[Path], plate: tuple[np.ndarray, ...]) -> None:
+    np.savez("4", K=plate[2], M=plate[3], D=1j * plate[2])
+    code, said = typed("new", "plate", "4.npz", "2")
+    assert code == 0 and "warning: left out: 4.npz: matrix 'D' is complex" in said
+
+
+def test_a_body_without_stiffness_has_the_usual_band(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One rigid node; its draft can be run, and says that nothing elastic is there to be measured."""
+    monkeypatch.chdir(tmp_path)
+    np.savez("node.npz", K=np.zeros((6, 6)), M=np.diag([2.0, 2, 2, 0.1, 0.2, 0.3]))
+    Path("node.bdf").write_text("BEGIN BULK\nGRID,1,,0.,0.,0.\nENDDATA\n")
+    assert typed("new", "node", "node.npz", "node.bdf")[0] == 0
+    assert "  band: 10 Hz" in Path("node.yaml").read_text()
+    code, said = typed("run", "node.yaml")
+    assert code == 1 and "no channel has an elastic response" in said
 
 
 def test_a_file_given_twice_is_left_out(files: list[Path]) -> None:

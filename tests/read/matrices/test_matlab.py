@@ -34,7 +34,10 @@ def write_hdf5(path: Path) -> None:
         empty.attrs["MATLAB_sparse"] = np.uint64(3)
         empty["jc"] = np.zeros(4, "u8")
         file.create_group("model").attrs["MATLAB_class"] = np.bytes_("struct")
-        complex_numbers = np.zeros((2, 2), dtype=[("real", "f8"), ("imag", "f8")])
+        complex_numbers = np.zeros((3, 3), dtype=[("real", "f8"), ("imag", "f8")])
+        complex_numbers["real"] = K.T
+        file.create_dataset("R", data=complex_numbers).attrs["MATLAB_class"] = np.bytes_("double")
+        complex_numbers["imag"][1, 2] = 1e-9
         file.create_dataset("C", data=complex_numbers).attrs["MATLAB_class"] = np.bytes_("double")
         file.create_group("#refs#")
     with path.open("r+b") as file:
@@ -75,7 +78,8 @@ def test_version_7_3(tmp_path: Path) -> None:
     path = tmp_path / "body.mat"
     write_hdf5(path)
     assert detect_format(path) == "mat"
-    assert sorted(one.name for one in matrix_names(path)) == ["C", "E", "F", "K", "S"]
+    assert sorted(one.name for one in matrix_names(path)) == ["C", "E", "F", "K", "R", "S"]
+    assert np.array_equal(read_matrix(path, "R").A.toarray(), K)
     assert np.array_equal(read_matrix(path, "K").A.toarray(), K)
     assert np.array_equal(read_matrix(path, "s").A.toarray(), K)
     assert read_matrix(path, "E").A.shape == (3, 3)

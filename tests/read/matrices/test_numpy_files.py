@@ -89,7 +89,18 @@ def test_pickles_are_never_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert not Path("trapped").exists()
 
 
-@pytest.mark.parametrize("array", [np.ones((2, 2), complex), np.ones((2, 2), np.complex64)])
+@pytest.mark.parametrize("kind", [np.complex64, np.complex128])
+def test_complex_without_an_imaginary_part_is_real(tmp_path: Path, kind: type) -> None:
+    array = np.array([[2.0, -1 / 3], [-1 / 3, 1.0]])
+    np.savez(tmp_path / "body.npz", K=array.astype(kind))
+    sp.save_npz(tmp_path / "sparse.npz", sp.csc_array(array.astype(kind)))
+    for name in ("body", "sparse"):
+        found = read_matrix(tmp_path / f"{name}.npz")
+        assert found.A.dtype == np.float64 and found.rounding == float(np.finfo(kind).eps) / 2
+        assert np.array_equal(found.A.toarray(), array.astype(kind).real)
+
+
+@pytest.mark.parametrize("array", [np.full((2, 2), 1j), np.full((2, 2), 1 + 1e-9j, np.complex64)])
 def test_complex_is_refused(tmp_path: Path, array: np.ndarray) -> None:
     np.savez(tmp_path / "body.npz", K=array)
     sp.save_npz(tmp_path / "sparse.npz", sp.csc_array(array))

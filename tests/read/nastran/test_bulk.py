@@ -155,6 +155,11 @@ def test_springs_may_make_scalar_points(tmp_path: Path) -> None:
     assert found.spoints.tolist() == [77, 78]
 
 
+def test_a_deck_of_scalar_points_has_no_nodes(tmp_path: Path) -> None:
+    found = deck(tmp_path, "SPOINT,7,8", "CELAS2,1,5.,7,,8")
+    assert found.spoints.tolist() == [7, 8] and not len(found.nodes)
+
+
 def test_the_main_part_is_read_or_else_the_only_superelement(tmp_path: Path) -> None:
     supers = ["BEGIN SUPER=3", "GRID,30", "BEGIN SUPER=4", "GRID,40"]
     assert deck(tmp_path, "GRID,1", *supers).nodes.id.tolist() == [1]
