@@ -6,14 +6,17 @@ import json
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 
 from cmsreduce.cli import main
+from cmsreduce.cli.__main__ import start
 
 ROOT = Path(__file__).parents[2]
 # Patched into the program: reducing meets a fault that nobody foresaw.
@@ -126,6 +129,36 @@ def test_what_is_no_fault_leaves_no_crash_file(
     assert done.exit_code == code and "Traceback" not in said, said
     assert json.loads(done.stdout)["error"]["code"] == code
     assert not list(tmp_path.rglob("crash-*"))
+
+
+INTERRUPTED = """\
+import os, runpy, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Interrupt:
+    def find_spec(self, name, *more):
+        if name == "{module}":
+            os.kill(os.getpid(), signal.SIGINT)
+{at_end}
+sys.meta_path.insert(0, Interrupt())
+runpy.run_module("cmsreduce.cli", run_name="__main__", alter_sys=True)
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "at_end"),
+    [("click", ""), ("cmsreduce.cli.household", ""), ("", "import atexit; atexit.register(os.kill, os.getpid(), 2)")],
+    ids=["while click loads", "while the commands load", "after the command"],
+)
+def test_ctrl_c_before_and_after_the_command_has_no_traceback(module: str, at_end: str) -> None:
+    done = program("completion", "bash", code=INTERRUPTED.format(module=module, at_end=at_end))
+    assert done.returncode == -signal.SIGINT and done.stderr == b""
+    # The output of a command that has ended is whole.
+    assert (b"complete" in done.stdout) == bool(at_end)
+
+
+def test_the_program_has_one_start() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert project["project"]["scripts"] == {"cmsreduce": f"{start.__module__}:{start.__name__}"}
 
 
 @pytest.mark.parametrize(
