@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import body_points, body_ports, modal_substructure, rigid_substructure
 from cmsreduce.balance import Ranking
-from cmsreduce.config import CLOSED_LOOP, SYSTEM_COST, Pipeline, build_scene, parse_ratio, pipeline_from_keys
+from cmsreduce.config import (
+    CLOSED_LOOP,
+    SYSTEM_COST,
+    Pipeline,
+    build_scene,
+    check_name,
+    parse_ratio,
+    pipeline_from_keys,
+)
 from cmsreduce.errors import ConfigError, DampingError, SceneError, UnitsError
 from cmsreduce.model import SI, Damping, FEModel, ModalComponent, ReducedComponent, Units
 from cmsreduce.models_in_memory import AssembledSystem, Component
@@ -56,7 +64,7 @@ def read_body(
     Parameters
     ----------
     name : str
-        Name of the body.
+        Name of the body, of letters, digits, _ and -, as those of its interfaces.
     stiffness, mass : path, (path, matrix name), array or sparse array
         Matrices (n, n) in ``units``. The name is needed where a file holds several matrices.
     geometry : path, optional
@@ -82,6 +90,11 @@ def read_body(
     CmsReduceError
         If files, rows, interfaces and matrices do not fit together; the message says where and why.
     """
+    for given in (name, *(interfaces or {})):
+        try:
+            check_name(given)
+        except ValueError as error:
+            raise ConfigError(f"read_body: {error}") from None
     specs = {}
     for label, nodes in (interfaces or {}).items():
         ids = nodes if isinstance(nodes, (InterfaceSpec, Sequence)) else (int(nodes),)

@@ -176,6 +176,13 @@ def test_matrices_in_memory_are_read_as_those_of_a_file(beams):
     np.testing.assert_array_equal(bare.interface_rows("hinge"), body.interface_rows("hinge"))
 
 
+@pytest.mark.parametrize(("name", "face"), [("left\n$", "hinge"), ("left", "hinge 2"), ("", "hinge")])
+def test_names_of_bodies_and_interfaces_are_those_that_a_pipeline_file_takes(name, face):
+    matrix = (SAMPLE / "right.op4", "KFF")
+    with pytest.raises(cms.CmsReduceError, match="is no name: use letters"):
+        cms.read_body(name, stiffness=matrix, mass=matrix, geometry=SAMPLE / "right.bdf", interfaces={face: 101})
+
+
 def test_configurations_are_found_by_their_angles(tmp_path):
     run = cms.run(
         ROOT / "pipelines" / "galileo.yaml",

@@ -47,6 +47,7 @@ _STEPS = {
 }
 _OTHER_NAME = "choose another `output:` (or --out)"
 _DEVICES = Path("/dev")
+_UNPRINTED = re.compile(r"[\x00-\x1f\x7f]")
 # Below this many bytes compression saves nothing.
 _SMALL = 512
 
@@ -147,14 +148,15 @@ def of_one_stem(path: Path, *suffixes: str) -> tuple[Path, ...]:
 
 
 def put_lines(path: Path, lines: Iterable[str]) -> None:
-    """Write lines of ASCII; other characters, as in a body's name, become question marks.
+    """Write lines of printed ASCII; other characters, as in a body's name, become question marks.
 
     Raises
     ------
     WriteError
         If the file cannot be written.
     """
-    content = "".join(f"{line}\n" for line in lines)
+    # A line break within a line would make the rest of a comment a line of data.
+    content = "".join(f"{_UNPRINTED.sub('?', line)}\n" for line in lines)
     with atomic_path(path) as temporary:
         temporary.write_bytes(content.encode("ascii", errors="replace"))
 

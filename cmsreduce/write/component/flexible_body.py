@@ -65,6 +65,8 @@ class FlexibleBody:
         Ids of the nodes whose slope is not known, as with solid elements.
     interfaces : mapping of name to tuple of int
         Ids of the nodes at which joints attach.
+    units : Units
+        Units of all numbers.
     """
 
     name: str
@@ -79,6 +81,7 @@ class FlexibleBody:
     rotation: Array
     blind: NDArray[np.int64]
     interfaces: Mapping[str, tuple[int, ...]]
+    units: Units
 
     @property
     def k(self) -> int:
@@ -91,8 +94,9 @@ class FlexibleBody:
         P = self.integrals.phi_phi
         return np.stack([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
 
-    def in_si(self, units: Units) -> FlexibleBody:
-        """The body in metres, kilograms and seconds, from other units; a modal mass of 1 stays 1."""
+    def in_si(self) -> FlexibleBody:
+        """The body in metres, kilograms and seconds; a modal mass of 1 stays 1."""
+        units = self.units
         # Shapes that are normalised by mass are in the unit of mass to the power -1/2.
         shape = 1 / np.sqrt(units.mass)
         at, length = self.integrals, units.length
@@ -117,6 +121,7 @@ class FlexibleBody:
             position=self.position * length,
             translation=self.translation * shape,
             rotation=self.rotation * (shape / length),
+            units=Units.parse("m-kg-s"),
         )
 
     @property
@@ -229,6 +234,7 @@ def flexible_body(component: ComponentFile, integrals: ModalIntegrals, *, slow: 
         rotation=np.where(unknown[:, None, None], 0.0, rotation),
         blind=arrays["nodes/id"][unknown],
         interfaces=component.interfaces,
+        units=component.units,
     )
 
 

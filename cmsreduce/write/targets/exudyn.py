@@ -85,4 +85,5 @@ def exudyn_arrays(body: FlexibleBody) -> dict[str, NDArray[np.generic]]:
         "mXRefTildePsiTilde": np.hstack([*single, np.zeros((3, 0))]),
         "fileVersion": np.array(_FILE_VERSION),
         "type": np.array("ObjectFFRFreducedOrderInterface"),
+        "units": np.array(body.units.name),
     }

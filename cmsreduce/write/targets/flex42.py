@@ -62,7 +62,7 @@ def write_42(
         If the component file lacks data, a mode has no mass or has momentum, an interface has several nodes or is not
         one of the body, or a file cannot be written.
     """
-    body = flexible_body(component, integrals).in_si(component.units)
+    body = flexible_body(component, integrals).in_si()
     require_mass(body, "42 divides by the modal mass")
     if body.has_momentum:
         raise WriteError(
@@ -79,7 +79,7 @@ def write_42(
 def _node_lines(body: FlexibleBody) -> Iterator[str]:
     at = {node: name for name, ids in body.interfaces.items() for node in ids}
     yield "<<<<<<<<<<<<<<<<  Body Node Inputs for 42  >>>>>>>>>>>>>>>>>>>>>"
-    yield f"{_word(body.name)} ! Description"
+    yield f"{_word(body.name)} ! Description, units {body.units.name}"
     yield f"{body.node.size} ! Number of Nodes"
     yield "******************* Node Location, Comment *********************"
     for node, place in zip(body.node.tolist(), body.position, strict=True):
@@ -91,7 +91,7 @@ def _node_lines(body: FlexibleBody) -> Iterator[str]:
 def _lines(body: FlexibleBody, joints: list[tuple[str, int, int]]) -> Iterator[str]:
     integrals, k = body.integrals, body.k
     yield MARK_42
-    yield f"{_word(body.name)} ! Description"
+    yield f"{_word(body.name)} ! Description, units {body.units.name}"
     yield f"{k} ! Number of Flex Modes"
     yield _heading(" Initial Modal States x, u ")
     for mode in range(k):

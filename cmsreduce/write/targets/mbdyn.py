@@ -74,7 +74,7 @@ def write_mbdyn(
 
 def _lines(body: FlexibleBody, groups: dict[int, tuple[str, Array]]) -> Iterator[str]:
     yield "** MBDyn MODAL DATA FILE"
-    yield f'** NODE SET "ALL" of {body.name}'
+    yield f'** NODE SET "ALL" of {body.name}, units {body.units.name}'
     yield ""
     yield "** RECORD GROUP 1, HEADER"
     yield "**   REVISION,  NODE,  NORMAL, ATTACHMENT, CONSTRAINT, REJECTED MODES."

@@ -40,6 +40,7 @@ def write_mbsim(path: Path, component: ComponentFile, integrals: ModalIntegrals)
     refuse_long_ids(component, body.node, "MBSim")
     n, k = body.node.size, body.k
     with hdf5_file(path) as file:
+        file.attrs["units"] = body.units.name
         for name, values in {
             "mass": integrals.mass,
             "position integral": integrals.first_moment,

@@ -111,6 +111,7 @@ def _cards(
     """Interface grids with their frames, scalar points, and the sets that order the rows."""
     node, parts = body.interface.node, body.interface.component
     yield f"{NASTRAN_MARK}{component.name}: {len(body.interface)} interface dofs, {len(points)} modal coordinates"
+    yield f"$ Units {component.units.name}"
     yield f"$ To use it, include {punch} in the bulk data and ask in case control for:"
     for name in matrices:
         yield f"$   {_DMIG[name]} = {name}"

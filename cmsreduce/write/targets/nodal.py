@@ -105,7 +105,7 @@ def write_nodal(path: Path, component: ComponentFile, integrals: ModalIntegrals)
 
 
 def _lines(body: FlexibleBody, lumps: NodalMass) -> Iterator[str]:
-    yield f"$ NODAL DATA of {body.name}: {body.node.size} nodes, {body.k} modes"
+    yield f"$ NODAL DATA of {body.name}: {body.node.size} nodes, {body.k} modes, units {body.units.name}"
     yield from table("NODES", body.node[:, None], "node ids")
     yield from table("COORDINATES", body.position, "x y z of each node from the origin of the body frame")
     yield from table("MASSES", lumps.mass[:, None], "lumped mass of each node")

@@ -79,7 +79,8 @@ def _lines(body: FlexibleBody, stiffening: FrameStiffening | None, dialect: SidD
     embs = dialect == "embs"
     digits = 16 if embs else 11
     ids = np.arange(1, body.node.size + 1) if embs and body.node.max(initial=0) > _FIVE_DIGITS else body.node
-    yield f"    {body.node.size}   {body.k}    :No. nodes, No. modes: {body.name}, columns of Gr {dialect}"
+    about = f"{body.name}, columns of Gr {dialect}, units {body.units.name}"
+    yield f"    {body.node.size}   {body.k}    :No. nodes, No. modes: {about}"
     yield " part"
     yield _value(6, "new modal", "body" if embs else body.name)
     yield f"{'':11}refmod"

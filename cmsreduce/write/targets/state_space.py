@@ -209,7 +209,8 @@ def write_abcd(path: Path, component: ComponentFile) -> None:
         If it has none (`component_states`), or the file cannot be written.
     """
     states = component_states(component)
-    lines = [f"% STATE SPACE {component.name}: x' = A x + B u, y = C x + D u, x {states.facts['states']}"]
+    about = f"x' = A x + B u, y = C x + D u, x {states.facts['states']}, units {component.units.name}"
+    lines = [f"% STATE SPACE {component.name}: {about}"]
     lines += [f"% INPUTS {' '.join(states.inputs)}", f"% OUTPUTS {' '.join(states.outputs)}"]
     for letter in "ABCD":
         matrix: Array = getattr(states, letter)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import WriteError
 from cmsreduce.model import SQUARES, ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, FrameStiffening, flexible_body, frame_stiffening
-from cmsreduce.write.files import hdf5_file, put, put_lines, put_texts, table
+from cmsreduce.write.files import hdf5_file, put, put_lines, put_texts, put_units, table
 
 __all__ = ["write_treetops", "write_treetops_h5"]
 
@@ -46,6 +46,7 @@ def write_treetops_h5(path: Path, component: ComponentFile, integrals: ModalInte
     body, stiffening = flexible_body(component, integrals), frame_stiffening(component, integrals)
     titled = [] if stiffening is None else list(_stiffness(stiffening))
     with hdf5_file(path) as file:
+        put_units(file.create_group("units"), body.units)
         file.attrs["format"], file.attrs["format_version"] = FORMAT, 1
         file.attrs["name"], file.attrs["lumping"] = body.name, integrals.lumping
         frame, modal, nodes = (file.create_group(name) for name in ("frame", "modal", "nodes"))
@@ -86,7 +87,8 @@ def _refuse_name(path: Path) -> None:
 
 def _lines(body: FlexibleBody, stiffening: FrameStiffening | None) -> Iterator[str]:
     integrals, k = body.integrals, body.k
-    yield f"$ FLEXIBLE BODY {body.name}: {k} modes, {body.node.size} nodes, mass integrated {integrals.lumping}"
+    about = f"mass integrated {integrals.lumping}, units {body.units.name}"
+    yield f"$ FLEXIBLE BODY {body.name}: {k} modes, {body.node.size} nodes, {about}"
     yield from table("FRAME ORIGIN", integrals.origin[None], "in the basic frame")
     yield from table("FRAME AXES", integrals.axes, "rows, in the basic frame")
     yield from table("MASS", np.array([[integrals.mass]]), "int dm")
