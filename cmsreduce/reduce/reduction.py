@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.errors import ConfigError, MatrixError, SingularInterfaceError
+from cmsreduce.errors import ConfigError, MatrixError, SingularInterfaceError, UnitsError
 from cmsreduce.linalg.blocks import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import (
@@ -144,7 +144,14 @@ class Reduction(ABC):
         ------
         MatrixError
             If a rigid-body mode lies outside the span of the mode set, or the set holds no shape at all.
+        UnitsError
+            If the units of the body do not count time in seconds.
         """
+        if body.units.time != 1.0:
+            raise UnitsError(
+                f"the units '{body.units.name}' of body '{body.name}' do not count time in seconds, but frequencies "
+                "are in Hz; convert the body before you reduce it: `cms.in_units(body, cms.Units.parse('m-kg-s'))`"
+            )
         rigid = _rigid_modes(body) if rigid is None else rigid
         basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
         basis = self._also_damped(basis, body, rigid)

@@ -5,9 +5,9 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from cmsreduce.errors import ConfigError, SingularInterfaceError
+from cmsreduce.errors import ConfigError, SingularInterfaceError, UnitsError
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import DofTable, FEModel, rigid_body_shapes
+from cmsreduce.model import DofTable, FEModel, Units, in_units, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, Guyan, reduction
 from tests.frames import frame
@@ -235,3 +235,10 @@ def test_a_massless_dof_on_a_soft_spring_between_interface_dofs_is_static(cutoff
     # A unit load stretches the soft spring by 1 / soft.
     static = modes.Phi[:, modes.elastic.stop :]
     np.testing.assert_allclose(static[n] ** 2, [1 / soft], rtol=1e-6)
+
+
+def test_a_body_in_milliseconds_is_refused():
+    """Its frequencies, and the cutoff, would be a thousand times those in Hz."""
+    body = in_units(frame("bar", [[0, 0, 0], [1, 0, 0]], [(1, 2)], {"root": 1}), Units.parse("mm-t-ms"))
+    with pytest.raises(UnitsError, match=r"'mm-t-ms' of body 'bar' do not count time in seconds.*cms\.in_units"):
+        CraigBampton(100.0).reduce(body)
