@@ -16,30 +16,42 @@ from numpy.typing import NDArray
 
 from cmsreduce.read.stated import SAME_PLACE, STRAINS, StatedNodes, StatedPlates
 
-__all__ = ["SolidForces", "flat_plates", "solid_forces", "sum_at_nodes"]
+__all__ = ["Solids", "flat_plates", "sum_at_nodes", "uniform_forces"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-class SolidForces(NamedTuple):
-    """Forces of some solids at their nodes: positions (e, k) and forces (e, k, 3, 6)."""
+class Solids(NamedTuple):
+    """Isotropic solids, whose forces under a uniform strain are known.
+
+    Parameters
+    ----------
+    nodes : (e, k) int64
+        Positions of their nodes.
+    slopes : (e, k, 3) float64
+        Integrals of the slopes of the shape functions along x, y, z.
+    G, lame : (e,) float64
+        Lame's constants: the shear modulus and lambda.
+    """
 
     nodes: Indices
-    force: Array
+    slopes: Array
+    G: Array
+    lame: Array
 
 
-def solid_forces(nodes: Indices, slopes: Array, G: Array, lame: Array) -> SolidForces:
-    """Forces of isotropic solids with Lame's constants (e,), from the integrals of their slopes (e, k, 3)."""
-    stress = np.zeros((len(G), 3, 3, len(STRAINS)))
+def uniform_forces(by_shear: Array, by_lame: Array) -> Array:
+    """Forces (..., 3, 6) under the strains of `STRAINS`, from integrals of slopes (..., 3) times G and lambda."""
+    force = np.zeros((*by_shear.shape, len(STRAINS)))
     for column, (i, j) in enumerate(STRAINS):
+        force[..., i, column] = 2 * by_shear[..., j]
         if i == j:
-            stress[:, range(3), range(3), column] += lame[:, None]
-            stress[:, i, i, column] += 2 * G
+            force[..., column] += by_lame
         else:
             # An entry of G off the diagonal stands for two.
-            stress[:, i, j, column] = stress[:, j, i, column] = 2 * G
-    return SolidForces(nodes, np.einsum("eijs,ekj->ekis", stress, slopes))
+            force[..., j, column] = 2 * by_shear[..., i]
+    return force
 
 
 def flat_plates(corners: Indices, xyz: Array, laminate: Array, alike: Indices) -> StatedPlates:
@@ -66,7 +78,7 @@ def flat_plates(corners: Indices, xyz: Array, laminate: Array, alike: Indices) -
 
 def sum_at_nodes(
     count: int,
-    solids: Iterable[SolidForces],
+    solids: Iterable[Solids],
     stiffness: sp.csr_array | None,
     known: Indices,
     unknown: Indices,
@@ -78,14 +90,18 @@ def sum_at_nodes(
     ``known`` are nodes of bars and springs with a known stiffness, ``unknown`` those of elements without one, ``bars``
     those of all bars.
     """
-    force, terms = np.zeros((count, 3, len(STRAINS))), np.zeros(count)
+    # Forces are linear in the slopes: six sums at each node make all of its eighteen forces.
+    sums, terms = np.zeros((6, count)), np.zeros(count)
     solid, sure, barred = (np.zeros(count, dtype=bool) for _ in range(3))
-    for each in solids:
-        np.add.at(force, each.nodes, each.force)
-        # A corner of a quadratic tetrahedron has no force: the largest of each element is the measure.
-        size = np.linalg.norm(each.force, axis=(2, 3)).max(axis=1, keepdims=True)
-        np.add.at(terms, each.nodes, np.broadcast_to(size, each.nodes.shape))
-        solid[each.nodes] = True
+    for nodes, slopes, G, lame in solids:
+        at = nodes.ravel()
+        weighted = [weight[:, None] * slopes[:, :, k] for weight in (G, lame) for k in range(3)]
+        sums += [np.bincount(at, each.ravel(), count) for each in weighted]
+        # Norm of all forces. A corner of a quadratic tetrahedron has none: the largest of each element is the measure.
+        size = np.sqrt((3 * lame**2 + 4 * lame * G + 12 * G**2) * np.einsum("eki,eki->ek", slopes, slopes).max(axis=1))
+        terms += np.bincount(at, np.repeat(size, nodes.shape[1]), count)
+        solid[at] = True
+    force = uniform_forces(sums[:3].T, sums[3:].T)
     if bars is not None:
         barred[bars] = True
     sure[known] = True

@@ -28,7 +28,7 @@ from cmsreduce.read.stated import (
     sum_of_energies,
     sum_of_masses,
 )
-from cmsreduce.read.stated_nodes import SolidForces, solid_forces, sum_at_nodes
+from cmsreduce.read.stated_nodes import Solids, sum_at_nodes
 
 __all__ = ["input_file_statement"]
 
@@ -221,7 +221,7 @@ def _at_nodes(
 
     Reduced integration of skew elements gives other forces, and wedges of two orders are not integrated exactly.
     """
-    found: list[SolidForces] = []
+    found: list[Solids] = []
     beside: list[Ids] = []
     for each in solids:
         if not moving[each.nodes].all():
@@ -232,7 +232,7 @@ def _at_nodes(
         G, lame = _moduli(made)
         slopes = slope_integrals(each.solid, x[sure], _POINTS if whole else _VOLUME)
         count = int(sure.sum())
-        found.append(solid_forces(each.nodes[sure], slopes, np.full(count, G), np.full(count, lame)))
+        found.append(Solids(each.nodes[sure], slopes, np.full(count, G), np.full(count, lame)))
         beside.append(each.nodes[~sure].ravel())
     none = np.zeros(0, dtype=np.int64)
     return sum_at_nodes(len(nodes), found, None, none, np.concatenate([none, *beside]))

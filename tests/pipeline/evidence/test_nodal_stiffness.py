@@ -13,8 +13,8 @@ from cmsreduce.config import build_scene, load_pipeline
 from cmsreduce.model import DofTable, FEModel, Finding, Nodes, Proof, cross_matrix
 from cmsreduce.pipeline.bodies import read_flexible
 from cmsreduce.pipeline.evidence.nodal_mass import away_from_supports
-from cmsreduce.read.isoparametric import SOLIDS, slope_integrals
-from cmsreduce.read.stated_nodes import solid_forces
+from cmsreduce.read.isoparametric import SOLIDS, affine_slope_integrals, slope_integrals
+from cmsreduce.read.stated_nodes import uniform_forces
 from tests.frames import BAR, Section, beam_matrices, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
 from tests.solids import E, block
@@ -151,9 +151,9 @@ def test_forces_of_a_solid_balance_and_do_the_work_of_its_stress(kind: str) -> N
         np.linalg.det(turn)
         * {"C3D4": 1 / 6, "C3D6": 1.0, "C3D8": 8.0}[{4: "C3D4", 6: "C3D6", 8: "C3D8"}[solid.corners]]
     )
-    found = solid_forces(
-        np.arange(len(solid.places))[None], slope_integrals(solid, nodes, 3), np.array([2.0]), np.array([5.0])
-    ).force[0]
+    slopes = slope_integrals(solid, nodes, 3)[0]
+    np.testing.assert_allclose(affine_slope_integrals(solid, nodes)[0], slopes, atol=1e-12)
+    found = uniform_forces(2.0 * slopes, 5.0 * slopes)
     np.testing.assert_allclose(found.sum(axis=0), 0, atol=1e-12)
     moments = np.einsum("kis,kj->ijs", found, nodes[0])
     # Stretch along x: lambda + 2 G along it and lambda across; shear in x and y with G_xy = G_yx = 1: 2 G.

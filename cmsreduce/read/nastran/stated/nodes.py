@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError, ReadError
 from cmsreduce.mechanics import member_stiffness
 from cmsreduce.model import Members, Nodes, cross_matrix
-from cmsreduce.read.isoparametric import SOLIDS, are_affine, slope_integrals
+from cmsreduce.read.isoparametric import SOLIDS, affine_slope_integrals, are_affine
 from cmsreduce.read.nastran.bars import orientation_of, released_at
 from cmsreduce.read.nastran.cards import Card, CardTable
 from cmsreduce.read.nastran.stated.bushes import stated_bushes
@@ -21,7 +21,7 @@ from cmsreduce.read.nastran.stated.materials import isotropic, lame_of
 from cmsreduce.read.nastran.stated.plates import stated_plates
 from cmsreduce.read.stated import SAME_PLACE, NotCountedError, StatedNodes
 from cmsreduce.read.stated_links import sole_links
-from cmsreduce.read.stated_nodes import SolidForces, solid_forces, sum_at_nodes
+from cmsreduce.read.stated_nodes import Solids, sum_at_nodes
 
 __all__ = ["nodes_of"]
 
@@ -62,7 +62,7 @@ def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNode
         bars, solids = elements.bars, elements.solids
         springs, beside = _springs(elements)
         exact = [bar for bar in bars if _is_exact(bar, elements)]
-        forces, unlike = _solid_forces(elements, solids)
+        affine, unlike = _affine_solids(elements, solids)
         stiffness, plates = _stiffness(exact, springs, elements), stated_plates(elements)
     except (ReadError, NotCountedError, MatrixError):
         return None
@@ -83,7 +83,7 @@ def nodes_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedNode
     next_to_led = [part[~there[part].all(axis=1)].ravel() for part, there in zip(own, at_rest, strict=True)]
     known = _joined([bar.nodes for bar in exact] + [at // 6 for _, at in springs])
     unknown = _joined([*loose, elements.loose_bars.ravel(), *unlike, *beside, *next_to_led, tied, *others])
-    found = sum_at_nodes(count, forces, stiffness, known, unknown, every_bar.ravel(), plates)
+    found = sum_at_nodes(count, affine, stiffness, known, unknown, every_bar.ravel(), plates)
     if found is None:
         return None
     found = found._replace(led=rigid)
@@ -246,9 +246,9 @@ def _end(node: int, component: int, nodes: Nodes) -> tuple[Array, Indices] | Non
     return nodes.frame[at, (component - 1) % 3], np.arange(first, first + 3)
 
 
-def _solid_forces(elements: Elements, solids: tuple[Faces, ...]) -> tuple[list[SolidForces], list[Indices]]:
-    """Forces of solids with parallel edges, and the nodes of the others, whose forces depend on the program."""
-    found: list[SolidForces] = []
+def _affine_solids(elements: Elements, solids: tuple[Faces, ...]) -> tuple[list[Solids], list[Indices]]:
+    """Solids with parallel edges, and the nodes of the others, whose forces depend on the program."""
+    found: list[Solids] = []
     beside: list[Indices] = []
     for faces in solids:
         if faces.corners not in _SOLIDS:
@@ -261,7 +261,8 @@ def _solid_forces(elements: Elements, solids: tuple[Faces, ...]) -> tuple[list[S
         read = faces.only(sure)
         G = read.each(lambda p: isotropic(p.integer(1), elements.materials).G)
         lame = read.each(lambda p: lame_of(isotropic(p.integer(1), elements.materials)))
-        found.append(solid_forces(places[sure], slope_integrals(solid, elements.nodes.xyz[places[sure]], 2), G, lame))
+        slopes = affine_slope_integrals(solid, elements.nodes.xyz[places[sure]])
+        found.append(Solids(places[sure], slopes, G, lame))
         beside.append(np.hstack([faces.nodes, faces.between])[~sure].ravel())
     return found, beside
 
