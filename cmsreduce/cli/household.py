@@ -123,8 +123,8 @@ def new(name: str, files: tuple[Path, ...]) -> None:
     """Write a commented starter pipeline NAME.yaml.
 
     With FILEs it is filled in and can be run: the matrices of a body and the deck or mesh they came from, whatever
-    their names, or those of several bodies, which are joined where their nodes coincide. Editors find the keys in
-    cmsreduce.schema.json beside it.
+    their names, or those of several bodies, which are joined where their nodes coincide or their faces meet. Editors
+    find the keys in cmsreduce.schema.json beside it.
     """
     from cmsreduce.config import starter_pipeline
 

@@ -1,4 +1,4 @@
-"""Drafts of pipelines from files: for one body, and for bodies that are joined where their nodes coincide."""
+"""Drafts of pipelines from files: for one body, and for bodies that are joined where they meet."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ reduce:
   residuals: [sensors]                    # static shapes for sensors away from the mount
 {rest}"""
 _SCENE = """\
-# A cmsreduce pipeline for bodies that are joined where their nodes coincide.
+# A cmsreduce pipeline for bodies that are joined where they meet.
 # Lines marked CHECK hold a choice that the files cannot make for you. `cmsreduce schema` lists every key.
 name: "{name}"
 output: "build/{name}"

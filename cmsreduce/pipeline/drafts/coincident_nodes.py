@@ -1,8 +1,8 @@
-"""Nodes of several bodies that coincide, as interfaces of joints between them."""
+"""Nodes of several bodies that coincide, and faces against each other, as interfaces of joints between them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel
+from cmsreduce.pipeline.drafts.facing_places import facing_places
 from cmsreduce.pipeline.drafts.proposed_interfaces import Place, in_line, nearest, position
 
 __all__ = ["Meeting", "meetings"]
@@ -35,7 +36,7 @@ class Meeting:
 
 
 def meetings(
-    bodies: Mapping[str, FEModel], lengths: Mapping[str, float]
+    bodies: Mapping[str, FEModel], lengths: Mapping[str, float], places: Mapping[str, Sequence[Place]]
 ) -> tuple[list[tuple[Meeting, Meeting]], tuple[str, ...]]:
     """Interfaces at which bodies meet.
 
@@ -45,6 +46,8 @@ def meetings(
         Bodies with geometry, as their files have them.
     lengths : mapping of name to float
         Metres in the unit of length of each body.
+    places : mapping of name to sequence of Place
+        Places where each body could be joined: faces that lie against each other join bodies without common nodes.
 
     Returns
     -------
@@ -54,13 +57,14 @@ def meetings(
         Bodies that meet no other, and bodies in one place.
     """
     nodes = {name: _moving(body) for name, body in bodies.items()}
-    places = {name: lengths[name] * _xyz(bodies[name], ids) for name, ids in nodes.items()}
-    size = max((float(np.ptp(xyz, axis=0).max(initial=0.0)) for xyz in places.values()), default=0.0)
+    points = {name: lengths[name] * _xyz(bodies[name], ids) for name, ids in nodes.items()}
+    size = max((float(np.ptp(xyz, axis=0).max(initial=0.0)) for xyz in points.values()), default=0.0)
     pairs: list[tuple[Meeting, Meeting]] = []
     remarks, apart = [], set(bodies)
+    facing = facing_places(bodies, places, lengths)
     used, tied_before = ({name: set[int]() for name in bodies} for _ in range(2))
     for one, other in combinations(bodies, 2):
-        here, there = _coincident(places[one], places[other], _COINCIDENT * size)
+        here, there = _coincident(points[one], points[other], _COINCIDENT * size)
         whole = here.size > max(1.0, _SAME_PLACE * min(len(nodes[one]), len(nodes[other])))
         if whole and not any(_has_boundary(bodies[name]) for name in (one, other)):
             remarks.append(
@@ -77,16 +81,29 @@ def meetings(
             continue
         ids = {one: [i for i, _ in found], other: [j for _, j in found]}
         alone = not any(set(ids[name]) & used[name] for name in ids)
+        if alone and (one, other) in facing and _are_corners(facing[one, other], ids[one], ids[other]):
+            # Two meshes of one face, joined as a whole below.
+            apart |= {one, other}
+            continue
         tied = alone and len(found) > _EXACT and all(_tieable(bodies[name], ids[name]) for name in ids)
         pairs.append((_side(bodies, one, other, ids[one], tied), _side(bodies, other, one, ids[other], tied)))
         apart -= {one, other}
         for name in ids:
             used[name] |= set(ids[name])
             tied_before[name] |= set(ids[name]) if tied else set()
+    for (one, other), (mine, theirs) in facing.items():
+        if apart & {one, other}:
+            pairs.append((Meeting(one, mine), Meeting(other, theirs)))
+            apart -= {one, other}
     lonely = [name for name in bodies if name in apart and len(bodies) > 1]
     # Of two bodies, one remark says it for both.
-    remarks += [_nearest(name, nodes, places) for name in (lonely[:1] if len(bodies) == 2 else lonely)]
+    remarks += [_nearest(name, nodes, points) for name in (lonely[:1] if len(bodies) == 2 else lonely)]
     return pairs, tuple(remarks)
+
+
+def _are_corners(facing: tuple[Place, Place], here: list[int], there: list[int]) -> bool:
+    """True if the nodes that coincide are some of those of two faces that lie against each other."""
+    return all(set(some) < set(place.nodes) for place, some in zip(facing, (here, there), strict=True))
 
 
 def _has_boundary(body: FEModel) -> bool:

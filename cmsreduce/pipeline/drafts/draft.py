@@ -17,7 +17,14 @@ from cmsreduce.pipeline.bodies import REDUCED_FILES, material_of, plausible_unit
 from cmsreduce.pipeline.drafts.body_files import bodies_of_files, body_names, deck_beside
 from cmsreduce.pipeline.drafts.coincident_nodes import meetings
 from cmsreduce.pipeline.drafts.first_mode import QUICK, first_elastic, free_motions, is_held
-from cmsreduce.pipeline.drafts.mounts import cells_of, joined, mounted, moving_along, translations_of
+from cmsreduce.pipeline.drafts.mounts import (
+    cells_of,
+    joined,
+    mounted,
+    moving_along,
+    proposed_places,
+    translations_of,
+)
 from cmsreduce.read import (
     MatrixSource,
     file_kind,
@@ -51,7 +58,7 @@ class Draft:
 
 
 def draft_pipeline(name: str, files: Sequence[Path]) -> Draft:
-    """Write a pipeline for one body, or for several that are joined where their nodes coincide.
+    """Write a pipeline for one body, or for several that are joined where they meet.
 
     Parameters
     ----------
@@ -76,7 +83,8 @@ def draft_pipeline(name: str, files: Sequence[Path]) -> Draft:
     drafts = [draft for _, draft in found]
     bodies = {draft.name: body for body, draft in found if body is not None and body.nodes is not None}
     lengths = {draft.name: (Units.parse(draft.units) if draft.units else SI).length for draft in drafts}
-    meeting, apart = meetings(bodies, lengths)
+    places = {draft.name: proposed_places(draft, bodies[draft.name]) for draft in drafts if draft.name in bodies}
+    meeting, apart = meetings(bodies, lengths, places)
     drafts = [joined(draft, bodies.get(draft.name), meeting) for draft in drafts]
     joints = [(f"{one.body}_{other.body}", str(one), str(other)) for one, other in meeting]
     return Draft(scene_pipeline(name, drafts, joints), (*_warnings(drafts), *apart))

@@ -15,7 +15,7 @@ from cmsreduce.pipeline.drafts.first_mode import softly_tied
 from cmsreduce.pipeline.drafts.proposed_interfaces import Place, proposed_interfaces
 from cmsreduce.read import read_cells, read_geometry
 
-__all__ = ["cells_of", "joined", "mounted", "moving_along", "translations_of"]
+__all__ = ["cells_of", "joined", "mounted", "moving_along", "proposed_places", "translations_of"]
 
 _AXES = "xyz"
 
@@ -35,7 +35,7 @@ def mounted(draft: BodyDraft, body: FEModel) -> BodyDraft:
     BodyDraft
         With the best place to join the body as its mount, and the others as proposals.
     """
-    places = _proposed(draft, body)
+    places = proposed_places(draft, body)
     if not places:
         return replace(draft, remark="no node of the deck has rows in the matrices, so that none can be the mount")
     mount = softly_tied(places[0], body, draft.elastic_hz, Units.parse(draft.units).time if draft.units else 1.0)
@@ -67,7 +67,7 @@ def joined(draft: BodyDraft, body: FEModel | None, meeting: Sequence[tuple[Meeti
         return mounted(draft, body)
     faces = tuple((name, place.interface, place.words) for name, place in own.items())
     tied = {node for place in own.values() for node in place.nodes}
-    others = [each for each in _proposed(draft, body) if not tied & set(each.nodes)]
+    others = [each for each in proposed_places(draft, body) if not tied & set(each.nodes)]
     rest = tuple((each.name, each.interface, each.words) for each in others if not each.name.startswith("grid"))
     return _placed(replace(draft, interfaces=faces, proposed=rest), body, *own.values())
 
@@ -105,7 +105,7 @@ def cells_of(draft: BodyDraft) -> Mapping[str, NDArray[np.int64]]:
     return {} if draft.geometry is None else read_cells(draft.geometry)
 
 
-def _proposed(draft: BodyDraft, body: FEModel) -> list[Place]:
+def proposed_places(draft: BodyDraft, body: FEModel) -> list[Place]:
     """Places where the body of the draft could be joined, the best first."""
     if draft.geometry is None:
         return proposed_interfaces(body, {})
