@@ -9,7 +9,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SOLIDS", "Integrals", "Solid", "affine_slope_integrals", "are_affine", "integrals", "slope_integrals"]
+__all__ = [
+    "RULES",
+    "SOLIDS",
+    "Integrals",
+    "Rule",
+    "Solid",
+    "affine_slope_integrals",
+    "are_affine",
+    "integrals",
+    "slope_integrals",
+]
 
 Array = NDArray[np.float64]
 Powers = tuple[tuple[int, int, int], ...]
@@ -39,6 +49,13 @@ class Solid(NamedTuple):
     def corners(self) -> int:
         """Number of corners."""
         return int(self.edges.max()) + 1
+
+
+class Rule(NamedTuple):
+    """Points (q, 3) of a quadrature over the reference element, and their weights (q,)."""
+
+    at: Array
+    weights: Array
 
 
 class Integrals(NamedTuple):
@@ -97,8 +114,48 @@ SOLIDS = {
 """Solids by the start of the name of the element."""
 
 
-def integrals(solid: Solid, nodes: Array, points: int) -> Integrals:
-    """Integrate over solids (e, k, 3) with a number of Gauss points each way.
+def _gauss(solid: Solid, points: int) -> Rule:
+    """So many Gauss points each way."""
+    at, weight = np.polynomial.legendre.leggauss(points)
+    grid = np.array(list(itertools.product(at, repeat=3)))
+    weights = np.prod(list(itertools.product(weight, repeat=3)), axis=1)
+    if solid.collapsed:
+        # The square shrinks to a triangle, and the prism to a tetrahedron (Duffy's map).
+        unit = (1 + grid) / 2
+        y, z = unit[:, 1], unit[:, 2] if solid.collapsed == 2 else np.zeros(len(unit))
+        grid = np.stack(
+            [unit[:, 0] * (1 - y) * (1 - z), y * (1 - z), z if solid.collapsed == 2 else grid[:, 2]], axis=1
+        )
+        weights = weights * (1 - y) * (1 - z) ** 2 / (8 if solid.collapsed == 2 else 4)
+    return Rule(grid, weights)
+
+
+def _of_programs() -> dict[tuple[str, bool], Rule]:
+    """Rules of second order for a tetrahedron and a triangle, the latter times three Gauss points; and of cubes."""
+    near, far = (5 - np.sqrt(5)) / 20, (5 + 3 * np.sqrt(5)) / 20
+    tetrahedron = Rule(np.vstack([np.full(3, near), near + (far - near) * np.eye(3)]), np.full(4, 1 / 24))
+    z, weight = np.polynomial.legendre.leggauss(3)
+    triangle = np.array([[1, 1], [4, 1], [1, 4]]) / 6
+    wedge = Rule(np.column_stack([np.repeat(triangle, 3, axis=0), np.tile(z, 3)]), np.tile(weight / 6, 3))
+    cube = SOLIDS["C3D20"]
+    return {
+        ("C3D10", False): tetrahedron,
+        ("C3D15", False): wedge,
+        ("C3D20", False): _gauss(cube, 3),
+        ("C3D20", True): _gauss(cube, 2),
+    }
+
+
+RULES = _of_programs()
+"""Points at which CalculiX and Abaqus integrate the stiffness of quadratic solids, by kind, and whether reduced.
+
+Under uniform strain an isoparametric element of any shape has the stress of the strain at all of its points, so that
+these rules give its forces and its energy to the last digit.
+"""
+
+
+def integrals(solid: Solid, nodes: Array, points: int | Rule) -> Integrals:
+    """Integrate over solids (e, k, 3) by a rule, or with a number of Gauss points each way.
 
     Three points are exact for the second moments of straight elements.
 
@@ -125,7 +182,7 @@ def integrals(solid: Solid, nodes: Array, points: int) -> Integrals:
     return Integrals(abs(volume), (shares * sign).T, (moment / safe).T, (second * sign).transpose(2, 0, 1))
 
 
-def slope_integrals(solid: Solid, nodes: Array, points: int) -> Array:
+def slope_integrals(solid: Solid, nodes: Array, points: int | Rule) -> Array:
     """Integrals (e, k, 3) of the slopes of the shape functions along x, y, z, over solids (e, k, 3).
 
     Two Gauss points each way are exact for parallel edges, three for straight ones.
@@ -175,19 +232,9 @@ def are_affine(solid: Solid, nodes: Array, tolerance: float) -> NDArray[np.bool_
     return np.asarray((np.linalg.norm(off, axis=2) <= tolerance * size[:, None]).all(axis=1))
 
 
-def _quadrature(solid: Solid, points: int) -> tuple[Array, Array, Array]:
+def _quadrature(solid: Solid, points: int | Rule) -> tuple[Array, Array, Array]:
     """Weights (q,), shape functions (q, k) and their slopes (q, 3, k) at the points of a rule."""
-    at, weight = np.polynomial.legendre.leggauss(points)
-    grid = np.array(list(itertools.product(at, repeat=3)))
-    weights = np.prod(list(itertools.product(weight, repeat=3)), axis=1)
-    if solid.collapsed:
-        # The square shrinks to a triangle, and the prism to a tetrahedron (Duffy's map).
-        unit = (1 + grid) / 2
-        y, z = unit[:, 1], unit[:, 2] if solid.collapsed == 2 else np.zeros(len(unit))
-        grid = np.stack(
-            [unit[:, 0] * (1 - y) * (1 - z), y * (1 - z), z if solid.collapsed == 2 else grid[:, 2]], axis=1
-        )
-        weights = weights * (1 - y) * (1 - z) ** 2 / (8 if solid.collapsed == 2 else 4)
+    grid, weights = points if isinstance(points, Rule) else _gauss(solid, points)
     inverse = np.linalg.inv(_monomials(solid.powers, solid.places))
     slopes = []
     for axis in range(3):

@@ -95,6 +95,25 @@ def test_the_deck_states_the_mass_of_solids_on_constraints(tmp_path, name):
     assert "0.5 times that of the deck" in mass_proof(found, tmp_path / "bar.inp", 0.5).remark
 
 
+@pytest.mark.parametrize("kind", ["C3D10", "C3D15", "C3D20", "C3D20R"])
+def test_the_deck_states_solids_with_curved_edges(tmp_path, kind):
+    """By the points at which CalculiX integrates them: mass, energy, and the forces of each node."""
+    deck = Deck().solid(kind, (3, 2, 2), (0.4, 0.1, 0.15))
+    # A parabola through three nodes is no line.
+    deck.nodes = {(k, x, y + x * x, z + 2 * x * y): n for (k, x, y, z), n in deck.nodes.items()}
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    found = read(tmp_path)
+    energy = statement_of(tmp_path / "bar.inp", found)[1]
+    assert energy is not None and energy.exact and not energy.uncounted and energy.at_nodes is not None
+    np.testing.assert_allclose(energy_ratios(found, energy), 1, rtol=1e-9)
+    local = nodes_against_deck(found, energy.at_nodes)
+    assert local is not None and local.check.passed and local.compared == local.nodes == len(deck.nodes)
+    local = nodes_against_deck(replace(found, K=sp.csc_array(1.02 * found.K)), energy.at_nodes)
+    assert local is not None and not local.check.passed and "1.02 times" in local.check.note
+    assert mass_proof(found, tmp_path / "bar.inp", 1.0).state == "proven"
+    assert "0.5 times that of the deck" in mass_proof(found, tmp_path / "bar.inp", 0.5).remark
+
+
 SHELLS = ("S3", "S4", "S6", "S8R")
 
 

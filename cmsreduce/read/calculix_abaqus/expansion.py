@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import SCALAR
 from cmsreduce.read.files import read_text
+from cmsreduce.read.stated import NotCountedError
 
-__all__ = ["PLANE", "ExpandedElement", "Expansion", "expanded_node", "expansion_beside"]
+__all__ = ["PLANE", "ExpandedElement", "Expansion", "expanded_node", "expansion_beside", "solid_of_shell"]
 
 _KNOT = re.compile(r"KNOT was generated in node\s+(\d+)")
 _ELEMENT = re.compile(
@@ -223,3 +224,19 @@ def _expanded(path: Path, match: re.Match[str]) -> ExpandedElement:
         )
     became = tuple(tuple(sorted(ids[at] for at in one)) for one in places)
     return ExpandedElement(int(match[1]), label, nodes, became, match[4].split()[0], tuple(ids[:8]))
+
+
+def solid_of_shell(shell: ExpandedElement | None, kind: str) -> list[int]:
+    """Nodes of the solid that a shell became: corners below and above, middles of edges, middles across.
+
+    Raises
+    ------
+    NotCountedError
+        If CalculiX did not expand it.
+    """
+    corners = {"S6": 3, "S8": 4}.get(kind, int(kind[1]))
+    if shell is None or len(shell.nodes) != int(kind[1]):
+        raise NotCountedError
+    at, edges = shell.became[:corners], shell.became[corners:]
+    nodes = [*(ids[0] for ids in at), *(ids[-1] for ids in at), *(ids[0] for ids in edges), *(ids[-1] for ids in edges)]
+    return nodes + [ids[1] for ids in at if len(ids) > 2]

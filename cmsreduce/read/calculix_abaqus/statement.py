@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, longest_start
-from cmsreduce.read.calculix_abaqus.expansion import ExpandedElement, expansion_beside
-from cmsreduce.read.isoparametric import SOLIDS, Solid, are_affine, integrals, slope_integrals
+from cmsreduce.read.calculix_abaqus.expansion import expansion_beside, solid_of_shell
+from cmsreduce.read.isoparametric import RULES, SOLIDS, Rule, Solid, are_affine, integrals, slope_integrals
 from cmsreduce.read.stated import (
     SAME_PLACE,
     EnergyPart,
@@ -61,10 +61,11 @@ _SAME = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class _Elements:
-    """Solids of one kind and one material: numbers of their nodes (e, k)."""
+    """Solids of one kind and one material: numbers of their nodes (e, k); plain ones are no hybrid or modified ones."""
 
     kind: str
     reduced: bool
+    plain: bool
     nodes: Ids
     material: str
 
@@ -72,6 +73,11 @@ class _Elements:
     def solid(self) -> Solid:
         """Its shape functions."""
         return SOLIDS[self.kind]
+
+    @property
+    def rule(self) -> Rule | None:
+        """Points of integration of a quadratic solid; None where they are not known."""
+        return RULES.get((self.kind, self.reduced)) if self.plain else None
 
     def curved(self, nodes: Nodes) -> NDArray[np.bool_]:
         """True for elements (e,) with a curved edge, once their nodes are positions."""
@@ -107,7 +113,7 @@ def input_file_statement(
     StatedMass and StatedEnergy, each or None
         None where the file does not state it fully: decks with several parts, beams, plane and user elements, shells
         that are not expanded, composites, densities that vary with temperature or are missing. The energy leaves out
-        elements with curved edges and materials that are not isotropic.
+        elements with curved edges of unknown integration and materials that are not isotropic.
     """
     try:
         deck = list(blocks(path))
@@ -194,16 +200,16 @@ def _spread(each: _Elements, density: float, nodes: Nodes, points: int) -> MassP
 def _energies(
     solids: Sequence[_Elements], materials: dict[str, _Material], nodes: Nodes, moving: NDArray[np.bool_]
 ) -> tuple[list[EnergyPart], list[str]]:
-    """Energies of straight isotropic solids, and the names of the others."""
+    """Energies of isotropic solids, straight or by a known rule, and the names of the others."""
     parts, without = [], []
     for each in solids:
         made = materials.get(each.material, _Material())
         if np.isnan(made.E):
             without.append(each.kind)
             continue
-        curved, on_rows = each.curved(nodes), moving[each.nodes].all(axis=1)
+        curved, on_rows = each.curved(nodes) & (each.rule is None), moving[each.nodes].all(axis=1)
         own = each.nodes[on_rows & ~curved]
-        volume = integrals(each.solid, nodes.xyz[own], _VOLUME).volume
+        volume = integrals(each.solid, nodes.xyz[own], each.rule or _VOLUME).volume
         G, lame = _moduli(made)
         if own.size:
             parts.append(solid_energy(own.ravel(), volume, np.full(len(own), G), np.full(len(own), lame)))
@@ -219,7 +225,7 @@ def _at_nodes(
 ) -> StatedNodes | None:
     """Forces of the solids at their nodes; None if a node without rows gives its forces to others.
 
-    Reduced integration of skew elements gives other forces, and wedges of two orders are not integrated exactly.
+    Reduced integration of skew elements of corners gives other forces, and wedges of them are not integrated exactly.
     """
     found: list[Solids] = []
     beside: list[Ids] = []
@@ -228,9 +234,10 @@ def _at_nodes(
             return None
         made, x = materials.get(each.material, _Material()), nodes.xyz[each.nodes]
         whole = each.solid.collapsed == 0 and not each.reduced
-        sure = ~each.curved(nodes) & (whole | are_affine(each.solid, x, SAME_PLACE)) & (not np.isnan(made.E))
+        straight = ~each.curved(nodes) & (whole | are_affine(each.solid, x, SAME_PLACE))
+        sure = (straight | (each.rule is not None)) & (not np.isnan(made.E))
         G, lame = _moduli(made)
-        slopes = slope_integrals(each.solid, x[sure], _POINTS if whole else _VOLUME)
+        slopes = slope_integrals(each.solid, x[sure], each.rule or (_POINTS if whole else _VOLUME))
         count = int(sure.sum())
         found.append(Solids(each.nodes[sure], slopes, np.full(count, G), np.full(count, lame)))
         beside.append(each.nodes[~sure].ravel())
@@ -292,7 +299,7 @@ def _elements(deck: Sequence[Block], path: Path) -> tuple[list[_Elements], list[
     sets = deck_sets(deck, counts)
     expansion = expansion_beside(path)
     expanded = {} if expansion is None else {each.number: each for each in expansion.elements}
-    groups: dict[tuple[str, bool, str], list[Ids]] = {}
+    groups: dict[tuple[str, bool, bool, str], list[Ids]] = {}
     points: list[tuple[int, float]] = []
     for block in deck:
         if block.keyword != "ELEMENT" or _is_massless(block):
@@ -305,7 +312,7 @@ def _elements(deck: Sequence[Block], path: Path) -> tuple[list[_Elements], list[
         section_of = "MASS" if kind == "MASS" else "SHELL SECTION" if kind in _SHELLS else "SOLID SECTION"
         sections = [each for each in deck if each.keyword == section_of]
         if kind in _SHELLS:
-            nodes = np.array([_solid_of(expanded.get(int(each)), kind) for each in number], dtype=np.int64)
+            nodes = np.array([solid_of_shell(expanded.get(int(each)), kind) for each in number], dtype=np.int64)
         for k, section in enumerate(sections):
             own = np.isin(number, sets.elements.get(section.option("ELSET"), ()))
             owner[own], times = k, times + own
@@ -321,26 +328,14 @@ def _elements(deck: Sequence[Block], path: Path) -> tuple[list[_Elements], list[
             if kind == "MASS":
                 points += [(int(node), _constants(section, 1)[0]) for node in own[:, 0]]
             else:
-                key = _SHELLS.get(kind, kind), "R" in label[len(kind) :], section.option("MATERIAL")
+                more = label[len(kind) :]
+                key = _SHELLS.get(kind, kind), "R" in more, more in ("", "R"), section.option("MATERIAL")
                 groups.setdefault(key, []).append(own)
-    solids = [_Elements(kind, reduced, np.concatenate(own), name) for (kind, reduced, name), own in groups.items()]
+    solids = [
+        _Elements(kind, reduced, plain, np.concatenate(own), name)
+        for (kind, reduced, plain, name), own in groups.items()
+    ]
     return solids, points
-
-
-def _solid_of(shell: ExpandedElement | None, kind: str) -> list[int]:
-    """Nodes of the solid that a shell became: corners below and above, middles of edges, middles across.
-
-    Raises
-    ------
-    NotCountedError
-        If CalculiX did not expand it.
-    """
-    corners = {"S6": 3, "S8": 4}.get(kind, int(kind[1]))
-    if shell is None or len(shell.nodes) != int(kind[1]):
-        raise NotCountedError
-    at, edges = shell.became[:corners], shell.became[corners:]
-    nodes = [*(ids[0] for ids in at), *(ids[-1] for ids in at), *(ids[0] for ids in edges), *(ids[-1] for ids in edges)]
-    return nodes + [ids[1] for ids in at if len(ids) > 2]
 
 
 def _topology(block: Block, count: int) -> tuple[Ids, Ids]:
