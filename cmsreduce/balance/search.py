@@ -221,7 +221,7 @@ class _Search:
     def _orders(self, coefficients: Mapping[str, Array]) -> Iterator[Order]:
         """Groups of all bodies in one list, by their coefficients and by the share of the body's largest."""
         value = np.array([coefficients[name][columns].max() for name, columns in self.groups])
-        owner = np.array([self.names.index(name) for name, _ in self.groups])
+        owner = np.array([self.names.index(name) for name, _ in self.groups], dtype=np.int64)
         largest = np.array([value[owner == k].max(initial=0.0) for k in range(len(self.names))])
         share = value / np.where(largest > 0, largest, 1.0)[owner]
         yield np.argsort(-value, kind="stable").tolist()

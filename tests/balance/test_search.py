@@ -86,6 +86,14 @@ def test_modes_ranked_high_but_idle_are_left_out():
     assert as_lists(keep_error(BODIES, ranked(BODIES), judge, 0.1).selection) == {"rotor": [2, 4], "stator": []}
 
 
+def test_bodies_without_elastic_modes_keep_none():
+    """A cutoff below the first frequency leaves static shapes alone, which are kept in any case."""
+    body = {"bar": component("bar", 6, []), "plate": component("plate", 0, [])}
+    found = keep_error(body, ranked(body), apart({"bar": {}, "plate": {}}), 0.1)
+    assert as_lists(found.selection) == {"bar": [], "plate": []}
+    assert (found.modes, found.nearest, found.error) == (0, None, 0.0)
+
+
 def test_two_modes_are_exchanged_for_one_that_stands_for_both():
     """Mode 0 answers what 1 and 2 do not, and is worth more than both; each of these is worth more than nothing."""
     body = {"bar": component("bar", 0, [1.0, 3.0, 2.0])}

@@ -14,6 +14,8 @@ import scipy.sparse as sp
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel
 from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.results import check_result
+from cmsreduce.pipeline.results.limits import Limits
 from tests.frames import line
 from tests.pipeline.study import CANTILEVER, write_body
 from tests.verify.test_input_rounding import wing
@@ -68,6 +70,24 @@ def test_few_digits_run_with_error_bars(
     proofs = {proof["what"]: proof for proof in facts["verdict"]["proofs"] if proof["subject"] in ("", "arm")}
     assert proofs["row order"]["state"] == proofs["rigid motions"]["state"] == "proven"
     assert proofs["rigid motions"]["digits"] < (10 if digits == 10 else 7)
+
+
+def test_a_component_file_is_checked_to_the_digits_of_its_nodes(opened: Callable[..., Run], study: Path) -> None:
+    """Its rigid modes are those of K; the motions of the geometry are the same to the digits of the deck."""
+    body = line("arm", [0, 0, 0], [0.7777777, 0, 0], 4, masses={3: 0.3})
+    assert body.nodes is not None
+    write_body(study.parent, body)
+    np.save(study.parent / "K.npy", body.K.toarray())
+    np.save(study.parent / "M.npy", body.M.toarray())
+    grids = [f"GRID,{node},,{x:.6f},0.,0.\n" for node, x in zip(body.nodes.id, body.nodes.xyz[:, 0], strict=True)]
+    (study.parent / "arm.bdf").write_text("BEGIN BULK\n" + "".join(grids) + "ENDDATA\n")
+    run = opened("write.formats=[hdf5]", text=FREE)
+    result = execute(run, study)
+    findings, verdict = check_result(run.folder, Limits())
+    momentum = [each for each in findings if each.name.startswith("momentum")]
+    assert len(momentum) == 2 and max(each.value for each in momentum) > 1e-8
+    assert all(each.limit < 1e-4 for each in momentum)
+    assert result is not None and verdict.word == result.verdict.word == "not checked"
 
 
 CONDENSED = """\

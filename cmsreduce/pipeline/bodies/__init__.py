@@ -7,6 +7,7 @@ The joined system belongs in `pipeline.system`.
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, in_scene, probing_loads, read_flexible
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
+from cmsreduce.pipeline.bodies.body_proofs import RIGID_MOTIONS
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
@@ -33,6 +34,7 @@ __all__ = [
     "FlexibleBody",
     "ProvenBody",
     "REDUCED_FILES",
+    "RIGID_MOTIONS",
     "Reference",
     "WRITTEN_LIMIT",
     "all_modes",

@@ -39,7 +39,10 @@ from cmsreduce.verify import (
     rigid_mass_properties,
 )
 
-__all__ = ["Proven", "definite", "prove_body"]
+__all__ = ["RIGID_MOTIONS", "Proven", "definite", "prove_body"]
+
+RIGID_MOTIONS = "row order: K times rigid motions"
+"""Check of K on the rigid motions of the geometry; its limit is what the digits of the files leave of the forces."""
 
 Array = NDArray[np.float64]
 
@@ -141,7 +144,7 @@ def _rows(found: RowOrderProof) -> tuple[list[Finding], Proof]:
         return [], Proof("row order", "unproven", remark=found.remark)
     digits = -math.log10(max(found.residual, found.tolerance, 2.0**-53))
     remark = found.remark or f"K times {found.motions} rigid motions vanishes"
-    check = Finding("row order: K times rigid motions", found.residual, found.tolerance)
+    check = Finding(RIGID_MOTIONS, found.residual, found.tolerance)
     return [check], Proof("row order", "proven", digits, remark)
 
 

@@ -112,7 +112,10 @@ _NAN = {
     *("modes/omega", "modes/frequency_hz", "modes/source_hz", "modes/sigma", "modes/spacing"),
     *("nodes/translation", "nodes/rotation", "checks/value", "checks/limit"),
 }
-"""Datasets with numbers that may be NaN, which means unknown; only checks may be infinite."""
+"""Datasets with numbers that may be NaN, which means unknown."""
+
+_INFINITE = ("modes/spacing", "checks/value", "checks/limit")
+"""Datasets with numbers that may be infinite; the spacing of repeated modes is, as of a rod that bends two ways."""
 
 LETTERS: Mapping[str, Letter] = {"mass": "M", "damping": "D", "stiffness": "K", "gyroscopic": "G"}
 """Datasets of a parameter, each (m, m)."""
@@ -185,6 +188,6 @@ def not_finite(arrays: Mapping[str, NDArray[Any]]) -> str | None:
             continue
         if path not in _NAN and not path.startswith("modes/rankings/"):
             return f"dataset '{path}' holds a number that is not finite"
-        if np.isinf(array).any() and not path.startswith("checks/"):
+        if np.isinf(array).any() and path not in _INFINITE:
             return f"dataset '{path}' holds a number that is infinite"
     return None

@@ -56,7 +56,9 @@ def chain(masses=(1.0, 2.0, 3.0), stiffness=50.0):
 def component():
     body = chain()
     modes = orthogonalise(CraigBampton(1e3).reduce(body, body.interface_rows("end")))
-    return replace(modes, rankings={"gregory": np.arange(modes.omega.size) - 1.0, "modal-gain": 2.0 * modes.omega})
+    rankings = {"gregory": np.arange(modes.omega.size) - 1.0, "modal-gain": 2.0 * modes.omega}
+    # The spacing of repeated modes, as of a rod that bends two ways.
+    return replace(modes, rankings=rankings, spacing=np.full(modes.omega.size, np.inf))
 
 
 def stressed(body):
