@@ -65,8 +65,9 @@ def refuse_syntax(error: MarkedYAMLError, text: str, source: str, in_override: b
         mark = start
     where = source if mark is None or in_override else f"{source}:{mark.line + 1}:{mark.column + 1}"
     problem = ", ".join(part for part in (error.context, error.problem) if part) or "the text cannot be read"
-    known = (words for found, words in _SYNTAX if found in problem)
-    words = next(known, problem).format("?" if start is None else start.line + 1)
+    line = "?" if start is None else start.line + 1
+    # The problem itself quotes the text, whose braces are no places to fill.
+    words = next((known.format(line) for found, known in _SYNTAX if found in problem), problem)
     if "but found '<block" in problem and mark is not None and not in_override:
         above = next((n for n in range(mark.line - 1, -1, -1) if text.split("\n")[n].strip()), None)
         words += "" if above is None else f" (compare with line {above + 1})"

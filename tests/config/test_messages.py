@@ -273,6 +273,7 @@ def test_of_many_mistakes_ten_are_listed(edited):
         ("name: a: b\n", ":1:8", "a text that holds ': ' needs quotes"),
         ("name: p\n---\nname: q\n", ":2:1", "a pipeline is one document"),
         ("name: *p\n", ":1:7", "found undefined alias"),
+        ("scene: {a: *}\n", ":1:13", "but found '}'"),
         ("# nothing\n", "", "the file is empty"),
         ("- name\n", ":1", "a mapping of keys is expected"),
         ("[a]: 1\n", ":1", "keys are plain words"),
