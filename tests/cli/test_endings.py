@@ -156,6 +156,15 @@ def test_ctrl_c_before_and_after_the_command_has_no_traceback(module: str, at_en
     assert (b"complete" in done.stdout) == bool(at_end)
 
 
+def test_a_present_folder_that_was_removed_ends_no_run(study: Path, tmp_path: Path) -> None:
+    """MKL ended the process there, with a message of its own."""
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    code = "import os; os.rmdir(os.getcwd()); from cmsreduce.cli import main; main()"
+    done = program("run", study, "--out", tmp_path / "out", "--quiet", code=code, cwd=gone)
+    assert (done.returncode, done.stderr) == (0, b"") and (tmp_path / "out" / "summary.json").is_file()
+
+
 def test_the_program_has_one_start() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert project["project"]["scripts"] == {"cmsreduce": f"{start.__module__}:{start.__name__}"}

@@ -26,7 +26,12 @@ _SPIN = 1
 
 @cache
 def mkl_library() -> ctypes.CDLL | None:
-    """The MKL runtime of the `mkl` wheel or of the system; None if there is none."""
+    """The MKL runtime of the `mkl` wheel or of the system; None if there is none, or the present folder is gone."""
+    try:
+        Path.cwd()
+    except OSError:
+        # MKL would end the process.
+        return None
     roots = [Path(sysconfig.get_path("data")) / "lib", Path(sys.prefix) / "lib", Path(sysconfig.get_path("purelib"))]
     names = [str(path) for root in roots for path in sorted(root.glob("libmkl_rt.so*"), reverse=True)]
     for name in [*names, "libmkl_rt.so.3", "libmkl_rt.so.2", "libmkl_rt.so"]:
