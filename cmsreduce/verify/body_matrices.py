@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.sparse import factorise, part, share_order
+from cmsreduce.linalg.sparse import factorise, hand_down_order, share_order
 from cmsreduce.model import CONDENSATION, PRINTED, FEModel
 
 __all__ = ["Contrast", "Grounding", "LightDofs", "grounding", "light_dofs", "negative_directions", "stiffness_contrast"]
@@ -43,24 +43,30 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integ
         Negative pivots of the matrix, scaled to a unit diagonal and raised by its rounding (Sylvester's law of
         inertia); None where the factorisation does not count them.
     """
-    own = abs(A.diagonal())
+    own, count = abs(A.diagonal()), 0
     scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
-    data = A.data * scale[A.indices]
-    data *= np.repeat(scale, np.diff(A.indptr))
-    unit = sp.csc_array((data, A.indices, A.indptr), shape=A.shape)
-    raised = sp.csc_array(unit + max(CONDENSATION, PRINTED * rounding) * sp.eye_array(A.shape[0], format="csc"))
-    order, count = share_order(raised, borrowed=True), 0
-    for rows, copies in _different_parts(raised, kind):
-        inner = raised if rows.size == A.shape[0] else part(raised, rows, order)
-        factor = factorise(inner, definite=False, what="the scaled matrix", solves=False, whole=A.shape[0])
+    for rows, inner, copies in _different_parts(A, kind):
+        raised = _raised(inner, scale[rows], max(CONDENSATION, PRINTED * rounding))
+        order = share_order(raised if inner is A else A, borrowed=True)
+        if inner is not A and order is not None:
+            hand_down_order(raised, rows, order)
+        factor = factorise(raised, definite=False, what="the scaled matrix", solves=False, whole=A.shape[0])
         if not factor.inertia_known:
             return None
         count += copies * int(factor.negative_pivots)
     return count
 
 
-def _different_parts(A: sp.csc_array, kind: NDArray[np.integer[Any]] | None) -> list[tuple[Indices, int]]:
-    """Rows of the unconnected parts of a symmetric matrix, of equal ones once with their number; all rows if many.
+def _raised(A: sp.csc_array, scale: Array, by: float) -> sp.csc_array:
+    """A matrix with its rows and columns scaled, and its diagonal raised."""
+    data = A.data * scale[A.indices]
+    data *= np.repeat(scale, np.diff(A.indptr))
+    unit = sp.csc_array((data, A.indices, A.indptr), shape=A.shape)
+    return sp.csc_array(unit + by * sp.eye_array(A.shape[0], format="csc"))
+
+
+def _different_parts(A: sp.csc_array, kind: NDArray[np.integer[Any]] | None) -> list[tuple[Indices, sp.csc_array, int]]:
+    """Unconnected parts of a symmetric matrix, with their rows, equal ones once with their number; A itself if many.
 
     The consistent mass of a solid has three equal parts: x, y and z.
     """
@@ -69,7 +75,7 @@ def _different_parts(A: sp.csc_array, kind: NDArray[np.integer[Any]] | None) -> 
         label = np.asarray(csgraph.connected_components(A.T, directed=True, connection="strong")[1], dtype=np.int64)
     count = int(label.max(initial=0)) + 1
     if not 1 < count <= _PARTS:
-        return [(np.arange(A.shape[0]), 1)]
+        return [(np.arange(A.shape[0]), A, 1)]
     found: list[tuple[Indices, sp.csc_array, int]] = []
     place = np.empty(A.shape[0], dtype=A.indices.dtype)
     for number in range(count):
@@ -82,7 +88,7 @@ def _different_parts(A: sp.csc_array, kind: NDArray[np.integer[Any]] | None) -> 
             found.append((rows, inner, 1))
         else:
             found[same] = (*found[same][:2], found[same][2] + 1)
-    return [(rows, copies) for rows, _, copies in found]
+    return found
 
 
 def _equal(A: sp.csc_array, B: sp.csc_array) -> bool:

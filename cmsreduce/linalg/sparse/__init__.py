@@ -24,7 +24,7 @@ from cmsreduce.linalg.sparse.flexibility import (
     motions_held,
     rough_solve,
 )
-from cmsreduce.linalg.sparse.parts import part, principal_part, share_order, shifted_matrix
+from cmsreduce.linalg.sparse.parts import hand_down_order, part, principal_part, share_order, shifted_matrix
 from cmsreduce.linalg.sparse.refined_factor import RefinedFactor
 
 __all__ = [
@@ -41,6 +41,7 @@ __all__ = [
     "Solve",
     "determinate_dofs",
     "factorise",
+    "hand_down_order",
     "held_factor",
     "installed_backends",
     "motions_held",

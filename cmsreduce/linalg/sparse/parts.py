@@ -13,7 +13,7 @@ from cmsreduce.linalg.sparse.factorisation import LARGE, installed
 from cmsreduce.linalg.sparse.lower_triangle import nonzero_pattern
 from cmsreduce.multifrontal import dissection_installed, nested_dissection
 
-__all__ = ["part", "principal_part", "share_order", "shifted_matrix"]
+__all__ = ["hand_down_order", "part", "principal_part", "share_order", "shifted_matrix"]
 
 # Columns in a block: temporary arrays stay in the cache, and take no new memory.
 _COLUMNS = 4096
@@ -99,11 +99,16 @@ def part(A: sp.csc_array, rows: NDArray[np.integer[Any]], order: NDArray[np.int6
     """
     inner, order = principal_part(A, rows), share_order(A) if order is None else order
     if order is not None:
-        place = np.full(A.shape[0], -1, dtype=np.int64)
-        place[rows] = np.arange(rows.size)
-        sequence = place[order]
-        current_settings().orders.store(*nonzero_pattern(inner), sequence[sequence >= 0])
+        hand_down_order(inner, rows, order)
     return inner
+
+
+def hand_down_order(inner: sp.csc_array, rows: NDArray[np.integer[Any]], order: NDArray[np.int64]) -> None:
+    """Order some rows (k,) of a large matrix, of which ``inner`` (k, k) is made, as the whole is ordered (n,)."""
+    place = np.full(order.size, -1, dtype=np.int64)
+    place[rows] = np.arange(rows.size)
+    sequence = place[order]
+    current_settings().orders.store(*nonzero_pattern(inner), sequence[sequence >= 0])
 
 
 def shifted_matrix(K: sp.csc_array, M: sp.csc_array, sigma: float) -> sp.csc_array:

@@ -132,7 +132,7 @@ def prove_body(
         The density of the body in words, to compare where no deck states its mass.
     """
     checks, row_proof = _rows(rows)
-    stiffness, stiffness_proof = _stiffness(body, stated[1], negative["stiffness"])
+    stiffness, stiffness_proof = _stiffness(body, stated[1], rows, negative["stiffness"])
     mass, mass_proof = _mass(body, tied, stated[0], rows, order, negative["mass"], density)
     return Proven((*checks, *stiffness, *mass), (row_proof, stiffness_proof, mass_proof))
 
@@ -152,7 +152,9 @@ def _digits(body: FEModel) -> float:
     return -math.log10(max(_DEFINITE, _DIGITS * body.rounding))
 
 
-def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None) -> tuple[list[Finding], Proof]:
+def _stiffness(
+    body: FEModel, stated: StatedEnergy | None, rows: RowOrderProof, negative: int | None
+) -> tuple[list[Finding], Proof]:
     if negative:
         return [], Proof("stiffness", "refuted", remark=f"{negative} motions have negative energy")
     found = None if stated is None else energy_ratios(body, stated)
@@ -173,7 +175,8 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
         bounds = "" if stated.exact or only else " within the bounds of its plates and bars"
         bounds = " to a tenth, as stress by a load may add to it" if stated.stressed else bounds
         agree.append(f"under uniform strain{bounds}{only}")
-    local = None if stated is None or stated.at_nodes is None else nodes_against_deck(body, stated.at_nodes)
+    free = rows.status == "proven" and rows.motions == _ALL_MOTIONS
+    local = None if stated is None or stated.at_nodes is None else nodes_against_deck(body, stated.at_nodes, free)
     if local is not None:
         checks.append(local.check)
         if not local.check.passed:
@@ -266,16 +269,19 @@ def _mass(
         )
         return checks, Proof("mass", "refuted", remark=said)
     digits = -math.log10(max(_MASS_ALIKE, _MASS_FACTOR * body.stiffness_rounding))
-    compare = f"compare {density and f'{density}, '}{_figures(whole)}"
+
+    def compare() -> str:
+        return f"compare {density and f'{density}, '}{_figures(whole)}"
+
     # At a corner of a mesh, nodes of one element alone couple with the same nodes; the order of all others is proven.
     most = not ordered and evidence == order.remark and 0 < order.alike <= _FEW * order.nodes
     if not ordered and not most:
-        return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; {compare}")
+        return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; {compare()}")
     if negative is None:
-        return checks, Proof("mass", "unproven", remark=f"its definiteness is not determined; {compare}")
+        return checks, Proof("mass", "unproven", remark=f"its definiteness is not determined; {compare()}")
     amount = any(check.name.startswith("mass against the deck") for check in checks)
     deck = "; mass, centre and inertia agree with the deck" if amount and free else ""
-    deck += "" if amount else f"; no deck states its amount, which is not proven: {compare}"
+    deck += "" if amount else f"; no deck states its amount, which is not proven: {compare()}"
     if not any("same mass" in check.name for check in checks):
         deck += "; the body is held, so that its masses along x, y, z are not compared"
     only = "most nodes" if most and amount else "order of most nodes" if most else "" if amount else "order"

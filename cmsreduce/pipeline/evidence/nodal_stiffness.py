@@ -55,7 +55,7 @@ class NodesAgainstDeck:
     bending: Flags
 
 
-def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck | None:
+def nodes_against_deck(body: FEModel, stated: StatedNodes, free: bool = False) -> NodesAgainstDeck | None:
     """Compare the stiffness at each node with the elements of the deck there.
 
     Rows of nodes that bars and springs alone hold are compared entry by entry, relative to the stiffness of both nodes
@@ -69,6 +69,8 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
         As read, with the deck's nodes.
     stated : StatedNodes
         Stiffness of the elements.
+    free : bool
+        True if K is proven to resist no rigid motion, so that no node is next to a support.
 
     Returns
     -------
@@ -91,7 +93,7 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes) -> NodesAgainstDeck |
         if (solid & plated).any():
             strained = plates_in_strain(body, plates, rows)
             solid &= strained.sure | ~plated
-    found = [_of_solids(body, stated, E, rows, solid, strained)]
+    found = [_of_solids(body, stated, E, rows, solid, strained, free)]
     if plates is not None:
         of_these, shown = of_plates(body, stated, rows, known & plated)
         found.append(of_these)
@@ -192,14 +194,20 @@ def _ratios(scaled: sp.csr_array, count: int) -> tuple[Array, Array]:
 
 
 def _of_solids(
-    body: FEModel, stated: StatedNodes, E: sp.csr_array, rows: Indices, known: Flags, plates: PlatesInStrain | None
+    body: FEModel,
+    stated: StatedNodes,
+    E: sp.csr_array,
+    rows: Indices,
+    known: Flags,
+    plates: PlatesInStrain | None,
+    free: bool,
 ) -> Differences:
     """Differences of the forces of nodes of solids, and of plates on them, under uniform strains."""
     assert body.nodes is not None
     ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
     at = body.nodes.index(ids)
     judged = known[at]
-    if judged.any():
+    if judged.any() and not free:
         judged &= away_from_supports(body, ids)
     if not judged.any():
         return Differences(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))

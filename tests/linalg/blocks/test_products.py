@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.linalg.blocks import symmetric_product
+from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 
 N = 3000
@@ -49,6 +49,15 @@ def test_every_thread_count_gives_the_same_digits(A, threads, columns):
     # MKL adds eight terms of a row at a time if the processor can.
     longest = np.diff(A.indptr).max()
     assert (abs(alone - A @ X) <= longest * 2.0**-53 * (abs(A) @ abs(X))).all()
+
+
+@pytest.mark.parametrize("threads", [1, 2, 7])
+def test_products_with_absolute_values(threads):
+    X = np.random.default_rng(0).standard_normal((N, 4))
+    for A in (band(40), hollow()):
+        with solver_settings(SolverSettings(threads=threads)):
+            np.testing.assert_allclose(absolute_product(A)(np.asfortranarray(X)), abs(A) @ X, rtol=0, atol=1e-13)
+        assert (A.data < 0).any()
 
 
 def test_a_small_product():

@@ -14,7 +14,7 @@ from cmsreduce.model import DofTable, FEModel, Finding, Nodes, Proof, cross_matr
 from cmsreduce.pipeline.bodies import read_flexible
 from cmsreduce.pipeline.evidence.nodal_mass import away_from_supports
 from cmsreduce.read.isoparametric import SOLIDS, affine_slope_integrals, slope_integrals
-from cmsreduce.read.stated_nodes import uniform_forces
+from cmsreduce.read.stated_nodes import Solids, sum_at_nodes, uniform_forces
 from tests.frames import BAR, Section, beam_matrices, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
 from tests.solids import E, block
@@ -159,6 +159,26 @@ def test_forces_of_a_solid_balance_and_do_the_work_of_its_stress(kind: str) -> N
     # Stretch along x: lambda + 2 G along it and lambda across; shear in x and y with G_xy = G_yx = 1: 2 G.
     np.testing.assert_allclose(moments[:, :, 0], volume * np.diag([9.0, 5, 5]), atol=1e-12)
     np.testing.assert_allclose(moments[:, :, 3], volume * 4 * np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, 0]]), atol=1e-12)
+
+
+def test_forces_at_nodes_are_those_of_their_solids() -> None:
+    """Sums of the slopes give the forces of all solids at a node, and the largest of each solid."""
+    rng = np.random.default_rng(2)
+    nodes, slopes = np.array([[0, 1, 2, 3], [3, 2, 1, 4]]), rng.standard_normal((2, 4, 3))
+    G, lame = np.array([2.0, 7.0]), np.array([5.0, 0.5])
+    found = sum_at_nodes(6, [Solids(nodes, slopes, G, lame)], None, nodes[0, :0], nodes[0, :0])
+    assert found is not None
+    each, force, terms = (
+        uniform_forces(G[:, None, None] * slopes, lame[:, None, None] * slopes),
+        np.zeros((6, 3, 6)),
+        np.zeros(6),
+    )
+    for at, own in zip(nodes, each, strict=True):
+        force[at] += own
+        terms[at] += np.linalg.norm(own, axis=(1, 2)).max()
+    np.testing.assert_allclose(found.force, force, atol=1e-13)
+    np.testing.assert_allclose(found.terms, terms, rtol=1e-13)
+    assert found.known.tolist() == [True] * 5 + [False]
 
 
 def quadratic_tetrahedra(second: float) -> tuple[FEModel, list[str]]:
