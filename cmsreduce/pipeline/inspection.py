@@ -278,11 +278,15 @@ def _checks(run: Run) -> Iterator[InspectedLine]:
         for text in (*_gains(run, system), *_zeros(run, system), *_steps(run, system)):
             yield InspectedLine(text, system.configuration)
     for margin in run.margins:
-        proof = "proves" if margin.ratio < 1 and margin.unstable == 0 else "does not prove"
-        growing = "" if not margin.unstable else f"; the reduced loop has {margin.unstable} unstable roots"
+        proof = "with the roots of both loops, it proves" if margin.proven else "it does not prove"
+        growing = "".join(
+            f"; the {what} loop has {count} unstable roots"
+            for what, count in (("reduced", margin.unstable), ("full", margin.unstable_full))
+            if count
+        )
         yield InspectedLine(
             f"the largest sigma_max(dG K) / sigma_min(I + G_R K) is {margin.ratio:.3g}, at {margin.worst_hz:.6g} Hz: "
-            f"it {proof} the full loop stable{growing}",
+            f"{proof} the full loop stable{growing}",
             margin.configuration,
         )
     for missing in run.checks.left_out:

@@ -104,7 +104,7 @@ MORE_FIGURES = (
     Figure("hinge_inertia", "hinge inertia", "%", 100.0, "largest share of a hinge's inertia lost with modes left out"),
     Figure("highest_frequency", "highest frequency", "Hz", 1.0, "highest natural frequency of the reduced system"),
     Figure("controller_ratio", "controller spillover", "", 1.0, "sigma_max(dG K) / sigma_min(I + G_R K); safe below 1"),
-    Figure("controller_unstable", "unstable loop roots", "", 1.0, "unstable roots of the reduced closed loop"),
+    Figure("controller_unstable", "unstable loop roots", "", 1.0, "unstable roots of the closed loop"),
 )
 """Further checks of the run's own model, as far as the run made them."""
 

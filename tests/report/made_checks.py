@@ -80,7 +80,7 @@ def controller_margin(name: str, hz: np.ndarray, worst_hz: float) -> ControllerM
     """A spillover with one peak under a flat bound."""
     at = int(abs(hz - worst_hz).argmin())
     spillover = WORST_RATIO / (1 + (50 * (hz / hz[at] - 1)) ** 2)
-    return ControllerMargin(name, hz, spillover, np.ones(hz.size), 0)
+    return ControllerMargin(name, hz, spillover, np.ones(hz.size), 0, unstable_full=0)
 
 
 def system_checks(name: str, zeros: tuple[ChannelZeros, ...], step: StepErrors) -> SystemChecks:

@@ -39,7 +39,7 @@ def stable(modes: int, gain: float) -> bool:
 
 def margin(gain: float) -> ControllerMargin:
     K = controller_response(*controller(gain), HZ)
-    return ControllerMargin("", HZ, *stability_margin(response(2), response(1), K), unstable=0)
+    return ControllerMargin("", HZ, *stability_margin(response(2), response(1), K), unstable=0, unstable_full=0)
 
 
 @pytest.mark.parametrize("gain", np.geomspace(0.1, 100, 25))

@@ -151,10 +151,14 @@ class Measured:
 
     @property
     def _unstable_roots(self) -> tuple[float, str]:
-        """Most growing roots of the reduced loop; NaN if none is known to grow and not every loop is known."""
+        """Most growing roots of a loop; NaN if none is known to grow and not every reduced loop is known."""
         # The ratio of a margin proves nothing of a loop whose own roots are not known.
         unknown = [each.configuration for each in self.margins if each.unstable is None]
         most = max(self.margins, key=lambda each: each.unstable or 0)
+        full = max(self.margins, key=lambda each: each.unstable_full or 0)
+        if not most.unstable and full.unstable_full:
+            # A mode that the reduced loop lacks, above the band perhaps, where the ratio does not look.
+            return float(full.unstable_full), f"{full.configuration}, the loop with the reference model"
         if most.unstable or not unknown:
             return float(most.unstable or 0), most.configuration
         return float("nan"), f"{unknown[0]}: not measured: {_NO_ROOTS}"

@@ -207,6 +207,8 @@ class ControllerMargin:
         Number of growing roots of the reduced loop; None where it has no real state space.
     loops : ((f,), (f,)) complex128, optional
         Open loops det(I + G K) - 1 with the reference and the reduced model: G K where there is one loop.
+    unstable_full : int, optional
+        Number of growing roots of the loop with the reference model; None for a large one, too.
     """
 
     configuration: str
@@ -215,6 +217,7 @@ class ControllerMargin:
     borne: Array
     unstable: int | None
     loops: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
+    unstable_full: int | None = None
 
     @property
     def quotient(self) -> Array:
@@ -225,7 +228,7 @@ class ControllerMargin:
 
     @property
     def ratio(self) -> float:
-        """Largest quotient; below 1, the loop with the reference model is stable if the reduced one is."""
+        """Largest quotient; below 1, no mode in the band makes the loop with the reference model unstable."""
         return float(self.quotient.max(initial=0.0))
 
     @property
@@ -235,8 +238,8 @@ class ControllerMargin:
 
     @property
     def proven(self) -> bool:
-        """True if the loop with the reference model is stable; a ratio of exactly 1 proves nothing."""
-        return self.ratio < 1 and self.unstable == 0
+        """True if the loop with the reference model is stable; the band alone does not show a mode above it."""
+        return self.ratio < 1 and self.unstable == self.unstable_full == 0
 
 
 @dataclass(frozen=True, eq=False)

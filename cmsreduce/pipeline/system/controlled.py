@@ -15,6 +15,7 @@ def controller_margins(
     controller: Controller,
     results: Sequence[ConfigurationResult],
     roots: Mapping[str, SystemRoots | None],
+    full_roots: Mapping[str, SystemRoots | None],
     label: str,
 ) -> tuple[ControllerMargin, ...]:
     """Spillover of a controller in every configuration.
@@ -27,6 +28,8 @@ def controller_margins(
         Responses of the full and of the reduced system on the same grids.
     roots : mapping of configuration to SystemRoots or None
         Roots of the closed loop with the reduced system; None where they are not known.
+    full_roots : mapping of configuration to SystemRoots or None
+        Roots of the closed loop with the reference model.
     label : str
         Label of the reduced responses.
 
@@ -41,8 +44,8 @@ def controller_margins(
         hz, response = result.response.frequency_hz, result.response
         K = controller_response(A, B, C, D, hz)
         spillover, borne = stability_margin(response.full, response.reduced[label], K)
-        closed = roots[result.configuration.name]
-        unstable = None if closed is None else closed.growing.size
+        name = result.configuration.name
+        own, full = (None if s is None else s.growing.size for s in (roots[name], full_roots[name]))
         loops = open_loop(response.full, K), open_loop(response.reduced[label], K)
-        found.append(ControllerMargin(result.configuration.name, hz, spillover, borne, unstable, loops))
+        found.append(ControllerMargin(name, hz, spillover, borne, own, loops, full))
     return tuple(found)

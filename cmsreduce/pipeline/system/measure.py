@@ -52,6 +52,9 @@ __all__ = ["MODEL", "ModelMeasure"]
 MODEL = "reduced"
 """Label of the run's own model among those it is compared with."""
 
+# Coordinates of a reference model whose loop has all its roots in two seconds.
+_QUICK_LOOP = 400
+
 
 class ModelMeasure:
     """Errors and checks of models of one scene, under the limits of a run.
@@ -86,6 +89,7 @@ class ModelMeasure:
     ) -> None:
         self.keys, self.scene, self.bodies, self.controller = keys, scene, bodies, controller
         self._comparison, self._untruncated = comparison, untruncated
+        self._full_roots: dict[str, SystemRoots | None] = {}
         self._loaded = loaded or (lambda name: unit_loads(bodies[name], scene))
 
     def changed(
@@ -269,4 +273,14 @@ class ModelMeasure:
         """Margins of the controller in every configuration; empty without one."""
         if self.controller is None:
             return ()
-        return controller_margins(self.controller, results, roots(), MODEL)
+        return controller_margins(self.controller, results, roots(), self._reference_roots(results), MODEL)
+
+    def _reference_roots(self, results: Sequence[ConfigurationResult]) -> dict[str, SystemRoots | None]:
+        """Roots of the loop with the reference model, which no candidate changes; None for a large one."""
+        model = self.comparison.reference.assembled
+        for configuration in (each.configuration for each in results):
+            if configuration.name not in self._full_roots:
+                small = model.system(configuration).N <= _QUICK_LOOP
+                found = system_roots(model, configuration, self.controller) if small else None
+                self._full_roots[configuration.name] = found
+        return self._full_roots

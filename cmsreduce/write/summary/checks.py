@@ -126,6 +126,7 @@ def controller(run: RunResult) -> list[dict[str, Any]] | None:
             "margin": 1 / each.ratio if each.ratio > 0 else None,
             "worst_hz": each.worst_hz,
             "unstable_roots": each.unstable,
+            "unstable_roots_full": each.unstable_full,
             "proven": each.proven,
         }
         for each in run.margins

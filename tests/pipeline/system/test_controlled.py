@@ -63,6 +63,21 @@ def test_what_is_proven_is_so(controlled: Callable[..., Run], gain: float) -> No
     assert margin.ratio == pytest.approx((margin.spillover / margin.borne)[at][0])
 
 
+def test_a_mode_above_the_band_that_the_controller_makes_unstable_fails_the_run(study: Path) -> None:
+    """Over the band nothing is wrong: the reduced loop is stable, and the ratio is 0.04."""
+    (study.parent / "k.txt").write_text("D\n0 0 -10\n0 0 0\n")
+    keys = [f"scene.controller={study.parent / 'k.txt'}", "scene.band=12 Hz", "reduce.cutoff=1"]
+    said = CliRunner().invoke(main, ["run", str(study), "--quiet", *(w for key in keys for w in ("--set", key))])
+    facts = json.loads((study.parent / "out" / "summary.json").read_text())
+    ratio, roots = (facts["figures"][name] for name in ("controller_ratio", "controller_unstable"))
+    assert ratio["passed"] is True and roots["passed"] is False, facts["controller"]
+    assert "the loop with the reference model" in roots["where"]
+    assert said.exit_code == 1 and facts["verdict"]["word"] == "FAIL"
+    assert all(row["unstable_roots"] == 0 for row in facts["controller"])
+    assert any(row["unstable_roots_full"] for row in facts["controller"])
+    assert not any(row["proven"] for row in facts["controller"] if row["unstable_roots_full"])
+
+
 def test_the_ratio_of_one_channel_by_hand(controlled: Callable[..., Run]) -> None:
     """One signal, one effort: |dG k| / |1 + G_r k| with the response between them alone."""
     run = controlled(2.0)
