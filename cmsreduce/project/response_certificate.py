@@ -17,8 +17,8 @@ Complex = NDArray[np.complex128]
 
 ESTIMATE_FACTOR = 5.0
 """The root mean square error of a response is at most so many times its estimate, where the estimate has settled. This
-is no theorem: in 1400 random systems, half of them with a thousandth to ten times the usual damping, the largest ratio
-was %RATIO% where it had settled, and %UNSETTLED% where it had not."""
+is no theorem: in 1500 random systems, half of them with a thousandth to ten times the usual damping, the largest ratio
+was 2.95 among the 1354 estimates that had settled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,8 @@ def settled_certificates(scene: SceneResponses, shapes: Shapes) -> list[Response
 
     Notes
     -----
-    The shapes are made richer twice, each time by as many directions as the largest body has shapes. The first ones miss
-    an error of which they span little, as that of a sharp resonance; then the second ones change the response more.
+    The shapes are made richer twice, each time by as many directions as the largest body has shapes. The first ones
+    miss an error of which they span little, as that of a sharp resonance; then the second ones change more.
     """
     more = max((V.shape[1] for V in shapes.values()), default=0)
     once = richer_shapes(scene, shapes, more)
