@@ -57,6 +57,7 @@ from cmsreduce.verify.modal_identities import (
 from cmsreduce.verify.mode_pairing import (
     FrequencyPairs,
     ModePairing,
+    lost_complex_modes,
     pair_complex_modes,
     pair_frequencies,
     pair_modes,
@@ -127,6 +128,7 @@ __all__ = [
     "momentum_residual",
     "negative_directions",
     "open_loop",
+    "lost_complex_modes",
     "pair_complex_modes",
     "pair_frequencies",
     "pair_modes",

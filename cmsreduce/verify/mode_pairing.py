@@ -14,6 +14,7 @@ __all__ = [
     "FrequencyPairs",
     "ModePairing",
     "closest_pairs",
+    "lost_complex_modes",
     "pair_complex_modes",
     "pair_frequencies",
     "pair_modes",
@@ -38,9 +39,13 @@ _DEPENDENT = 1e-8
 # A mode whose damping ratio is below this is damped by round-off or hardly at all: its ratio has no error, unless the
 # reduced mode has the second ratio, which the model invents.
 _UNDAMPED, _INVENTED = 1e-9, 1e-4
+# A mode with more than this ratio of critical damping stops oscillating by a small error, and is no mode to be lost.
+_CRITICAL = 0.99
 # Shapes with this share of the largest MAC look as much alike: where modes are repeated or damping mixes close ones, a
 # shape may be any mixture, and the partner is the nearest root among them.
 _AS_ALIKE = 0.5
+# A reduced mode outside of the band is the partner of one inside if its MAC is above this.
+_ALIKE_OUTSIDE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,9 +281,12 @@ def pair_complex_modes(
     cross : (f, k) complex128
         x_full^H M x_reduced, both of unit length in M.
     band_hz, low_hz : float
-        Ends of the band. Reduced modes with |s| outside of it are left out.
+        Ends of the band. Reduced modes with |s| outside of it are left out, unless a reference mode inside is alike.
     """
-    inside, here = ((abs(s) >= 2 * np.pi * low_hz) & (abs(s) <= 2 * np.pi * band_hz) for s in (reduced, full))
+    inside, here = (_in_band(s, band_hz, low_hz) for s in (reduced, full))
+    if full.size:
+        most = abs(cross) ** 2 * here[:, None]
+        inside = inside | (most.max(axis=0, initial=0.0) >= _ALIKE_OUTSIDE)
     if not full.size or not inside.any():
         none = np.empty(0)
         alone = int(inside.sum() + here.sum())
@@ -292,3 +300,27 @@ def pair_complex_modes(
     none = np.where(abs(zeta_r) > _INVENTED, np.inf, np.nan)
     error = np.where(damped, abs(zeta_r - zeta) / np.where(damped, abs(zeta), 1.0), none)
     return DampedPairs(partner, there, mac[best, np.arange(best.size)], error)
+
+
+def lost_complex_modes(
+    full: NDArray[np.complex128],
+    reduced: NDArray[np.complex128],
+    cross: NDArray[np.complex128],
+    band_hz: float,
+    low_hz: float = 0.0,
+) -> Indices:
+    """Positions of the reference modes in the band without a partner; arguments as for `pair_complex_modes`.
+
+    Modes are paired one to one here, by MAC and the distance of the roots.
+    """
+    apart = abs(np.log(reduced)[None, :] - np.log(full)[:, None])
+    cost = np.minimum(1 - np.clip(abs(cross) ** 2, 0.0, 1.0) + apart, _DIFFERENT)
+    i, j = closest_pairs(cost)
+    paired = i[cost[i, j] < _DIFFERENT]
+    oscillates = -full.real <= _CRITICAL * abs(full)
+    lost = np.flatnonzero(_in_band(full, band_hz, low_hz) & oscillates)
+    return np.asarray(np.setdiff1d(lost, paired), dtype=np.int64)
+
+
+def _in_band(s: NDArray[np.complex128], band_hz: float, low_hz: float) -> NDArray[np.bool_]:
+    return np.asarray((abs(s) >= 2 * np.pi * low_hz) & (abs(s) <= 2 * np.pi * band_hz))

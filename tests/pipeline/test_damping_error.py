@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -55,6 +56,27 @@ verify: {{}}
 
 Facts = dict[str, Any]
 G = 0.3
+# Twelve masses in a row, two dampers across several of them that lock what lies between.
+LOCKED = """\
+name: locked
+output: {folder}/out
+components:
+  row:
+    stiffness: K.npz
+    mass: M.npz
+    geometry: row.bdf
+    rows: {{file: row.rows}}
+    grounded: true
+    damping: {{matrix: D.npz}}
+    interfaces: {{end: {{node: 12, dofs: 1}}}}
+scene:
+  band: {band} Hz
+  actuators: {{push: {{at: row.12, force: [1, 0, 0]}}}}
+  sensors: {{probe: {{at: row.4, measure: x}}}}
+reduce: {{method: {method}, cutoff: 1.0}}
+verify: {{limits: {{damping_error: 50 %}}}}
+write: {{formats: [hdf5], all_nodes: true}}
+"""
 
 
 def facts_of(run: Run, source: Path) -> Facts:
@@ -217,3 +239,65 @@ def test_a_damped_basis_holds_what_dampers_inside_a_body_do(shared_data: Path, t
             assert ("damped" in run.modal("chain").kind) == (damped == "true")
     assert worst[0] > 0.1 and worst[2] > 0.1
     assert worst[1] < 1e-3 and worst[3] < 1e-8
+
+
+def locked(folder: Path, seed: int, method: str) -> tuple[Path, list[np.ndarray], float]:
+    """Write such a row; its matrices, and the top of the band in rad/s."""
+    rng, n = np.random.default_rng(seed), 12
+    K, D, M = np.diag([1e3] + [0.0] * (n - 1)), np.zeros((n, n)), np.diag(10 ** rng.uniform(-0.5, 0.5, n))
+
+    def joined(i: int, j: int, value: float) -> np.ndarray:
+        row = np.eye(n)[i] - np.eye(n)[j]
+        return value * np.outer(row, row)
+
+    for i in range(1, n):
+        K += joined(i, i - 1, 1e3 * 10 ** rng.uniform(-0.5, 0.5))
+    D = 1e-4 * K
+    for _ in range(2):
+        D += joined(*rng.choice(n, 2, replace=False), 10 ** rng.uniform(1.0, 2.5))
+    for name, A in (("K", K), ("M", M), ("D", D)):
+        sp.save_npz(folder / f"{name}.npz", sp.csc_array(A))
+    (folder / "row.rows").write_text("\n".join(f"{k + 1}.1" for k in range(n)))
+    (folder / "row.bdf").write_text(
+        "BEGIN BULK\n" + "".join(f"GRID,{k + 1},,{k}.,0.,0.\n" for k in range(n)) + "ENDDATA\n"
+    )
+    s = roots_of(K, M, D)[0]
+    band = 1.03 * float(np.sort(abs(s))[4])
+    path = folder / "row.yaml"
+    path.write_text(LOCKED.format(folder=folder, band=band / 2 / np.pi, method=method))
+    return path, [K, M, D], band
+
+
+def roots_of(K: np.ndarray, M: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Oscillating roots and shapes of unit length in M, from a companion matrix."""
+    n = len(K)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    s, Z = np.linalg.eig(A)
+    X = Z[:n, s.imag > 1e-6 * abs(s)]
+    return s[s.imag > 1e-6 * abs(s)], X / np.sqrt(np.einsum("ij,ij->j", X.conj(), M @ X).real)
+
+
+@pytest.mark.parametrize("method", ["craig-bampton", "macneal-rubin"])
+@pytest.mark.parametrize("seed", range(6))
+def test_no_mode_of_the_reference_in_the_band_escapes(tmp_path: Path, seed: int, method: str) -> None:
+    """From the component file: each is judged with the reduced mode that is like it, or it is named as lost."""
+    path, (K, M, D), band = locked(tmp_path, seed, method)
+    result = execute(Run(load_pipeline(path), tmp_path / "out", Silent()), path, report=False)
+    assert result is not None
+    (found,) = (each.errors["reduced"].damped for each in result.configurations)
+    with h5py.File(tmp_path / "out" / "row.h5") as file:
+        Phi = file["nodes/translation"][:, 0, :]
+        k, m, d = (file[f"modes/{name}"][()] for name in ("stiffness", "mass", "damping"))
+    (s, X), (s_r, Y) = roots_of(K, M, D), roots_of(k, m, d)
+    mac = abs(X.conj().T @ M @ Phi @ Y) ** 2
+    lost = [each.hz * 2 * np.pi for each in found.lost]
+    for root, row in zip(s, mac, strict=True):
+        if abs(root) > band:
+            continue
+        at, zeta = int(row.argmax()), -root.real / abs(root)
+        error = abs(-s_r[at].real / abs(s_r[at]) / zeta - 1)
+        if row[at] > 0.9:
+            assert found.worst >= error * (1 - 1e-6) - 1e-8 or np.isclose(lost, abs(root), rtol=1e-6).any()
+        if row[at] < 0.02:
+            near = abs(np.log(s_r / root)).min()
+            assert near < 0.02 or zeta > 0.99 or np.isclose(lost, abs(root), rtol=1e-6).any()

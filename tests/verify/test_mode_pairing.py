@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from cmsreduce.verify import pair_complex_modes, pair_frequencies, pair_modes, scaled_rows, zero_shifts
+from cmsreduce.verify import (
+    lost_complex_modes,
+    pair_complex_modes,
+    pair_frequencies,
+    pair_modes,
+    scaled_rows,
+    zero_shifts,
+)
 from cmsreduce.verify.mode_pairing import closest_pairs
 from tests.frames import rotation
 
@@ -260,6 +267,26 @@ def test_roots_below_the_band_are_left_out():
     np.testing.assert_allclose(pairs.full_hz, [2.0])
     assert pairs.worst == pytest.approx(0.1)
     assert pair_complex_modes(roots(HZ, ZETA), roots(HZ, other)[:1], np.eye(4)[:, :1] + 0j, 3.0, 1.5).alone == 2
+
+
+def test_a_reduced_root_outside_of_the_band_is_judged_if_its_partner_is_inside():
+    full, reduced = roots(HZ, ZETA), roots(HZ * [1, 1.05, 1, 1], ZETA * [1, 3, 1, 1])
+    pairs = pair_complex_modes(full, reduced, np.eye(4) + 0j, 2.005)
+    np.testing.assert_allclose(pairs.full_hz, HZ[:2])
+    assert pairs.worst == pytest.approx(2.0)
+
+
+def test_a_reference_mode_without_a_partner_is_lost():
+    full, kept = roots(HZ, ZETA), np.array([0, 3])
+    lost = lost_complex_modes(full, full[kept], np.eye(4)[:, kept] + 0j, 100.0)
+    np.testing.assert_array_equal(lost, [1, 2])
+    np.testing.assert_array_equal(lost_complex_modes(full, full[kept], np.eye(4)[:, kept] + 0j, 2.005), [1])
+    # Not one that hardly oscillates, nor any half of a repeated pair, whose modes come in any mixture.
+    critical = roots(HZ, np.array([0.01, 0.995, 0.3, 1e-3]))
+    np.testing.assert_array_equal(lost_complex_modes(critical, critical[kept], np.eye(4)[:, kept] + 0j, 100.0), [2])
+    both = roots(np.array([3.0, 3.0001]), np.array([0.01, 0.04]))
+    cross = np.sqrt(0.5) * np.array([[1, 1], [1j, -1j]])
+    assert not lost_complex_modes(both, both, cross, 10.0).size
 
 
 def test_of_shapes_as_alike_the_nearest_root_is_the_partner():

@@ -114,7 +114,9 @@ class DampedPairs:
     error : (k,) float64
         |zeta_reduced - zeta_full| / zeta_full; NaN where the reference mode has no damping.
     alone : int
-        Oscillating modes of either model in the band that have no partner.
+        Oscillating modes of either model in the band, if there is no pair.
+    lost : tuple of UnpairedMode
+        Oscillating modes of the reference in the band that the reduced model lacks.
     """
 
     full: NDArray[np.complex128]
@@ -122,6 +124,7 @@ class DampedPairs:
     mac: NDArray[np.float64]
     error: NDArray[np.float64]
     alone: int = 0
+    lost: tuple[UnpairedMode, ...] = ()
 
     @property
     def full_hz(self) -> NDArray[np.float64]:

@@ -199,12 +199,16 @@ class Measured:
 
     def _without_seen_modes(self, found: Finding) -> Finding:
         """An error of paired modes; not measured if a mode that is seen has no partner, and no limit counts these."""
-        if not found.judged or "modes_lost" in self.limits:
+        if not found.judged:
             return found
-        least = _MAIN if self.chosen else _VISIBLE
+        least, allowed = _MAIN if self.chosen else _VISIBLE, self.limits.get("modes_lost")
         for result in self.configurations:
-            seen = tuple(mode for mode in result.errors[self.model].lost if mode.seen >= least)
-            if seen:
+            errors = result.errors[self.model]
+            seen = tuple(mode for mode in errors.lost if mode.seen >= least) if allowed is None else ()
+            if found.name == "damping_error" and errors.damped is not None:
+                # Dampers make modes of their own, which the undamped ones do not show.
+                seen = tuple(mode for mode in errors.damped.lost if mode.seen >= least) or seen
+            if len(seen) > (allowed or 0.0):
                 note = f"{result.configuration.name}: not measured: the reduced model lacks {self.named_modes(seen)}"
                 return replace(found, value=float("nan"), note=note)
         return found

@@ -32,7 +32,7 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
 from cmsreduce.model import Configuration, Scene, Substructure, System
 from cmsreduce.pipeline.store import diagnostic, once
-from cmsreduce.pipeline.system.resonances import DampedModes, Resonances, by_body, modal_weights
+from cmsreduce.pipeline.system.resonances import DampedModes, Resonances, by_body, damped_modes_of, modal_weights
 from cmsreduce.verify import decibel_grid
 
 __all__ = [
@@ -165,7 +165,7 @@ class AssembledModel:
         system = self.system(configuration)
         highest = 2 * np.pi * self.scene.band[1] * _DAMPED_BANDS
         found = damped_modes(system, highest, self._modes(configuration))
-        return None if found is None else DampedModes(found.s, by_body(system, found.X))
+        return None if found is None else damped_modes_of(system, found.s, found.X)
 
     @_with_parameters
     def every_mode(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +19,7 @@ from cmsreduce.verify import (
     channel_errors,
     frac,
     frf_error,
+    lost_complex_modes,
     pair_complex_modes,
     pair_frequencies,
     peak_errors,
@@ -83,7 +87,7 @@ def model_errors(
         full_hz=pairs.full_hz,
         reduced_hz=pairs.reduced_hz,
         mac=pairs.mac,
-        damped=_damped_pairs(reference, configuration, model) if damped else None,
+        damped=_damped_pairs(reference, configuration, model, highest) if damped else None,
         peak_error=float(peak[sure].max(initial=0.0)) if sure.any() else nothing,
         frac_error=float((1 - shape[sure]).max(initial=0.0)) if sure.any() else nothing,
         channel_errors=np.where(false, alone, channel_errors(omega, H, elastic)),
@@ -128,16 +132,25 @@ def _pairs(
 
 @diagnostic(
     "the damping of the modes in '{}'",
-    about=lambda reference, configuration, _: configuration.name,
+    about=lambda reference, configuration, *_: configuration.name,
     limits=("damping_error",),
 )
-def _damped_pairs(reference: ReferenceModel, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
+def _damped_pairs(
+    reference: ReferenceModel, configuration: Configuration, model: ReducedModel, highest: Real
+) -> DampedPairs | None:
     full, reduced = reference.assembled.damped_modes(configuration), model.assembled.damped_modes(configuration)
     if full is None or reduced is None:
         return None
     cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(reference, configuration))
     low, high = reference.scene.band
-    return pair_complex_modes(full.s, reduced.s, cross, high, low)
+    lost = lost_complex_modes(full.s, reduced.s, cross, high, low)
+    masses = reference.assembled.at(configuration).substructures
+    energies = [
+        {name: float(np.vdot(X[:, k], masses[name].M @ X[:, k]).real) for name, X in full.shapes.items()}
+        for k in lost.tolist()
+    ]
+    alone = _unpaired(abs(full.s[lost]) / (2 * np.pi), full.peaks[lost], energies, highest)
+    return replace(pair_complex_modes(full.s, reduced.s, cross, high, low), lost=alone)
 
 
 def _frf_error(target: Target, elastic: Complex, alone: Real) -> float:
@@ -165,9 +178,16 @@ def _alone(
         return ()
     hz = model.resonances(configuration).omega[modes] / (2 * np.pi)
     peaks = model.modal_peaks(configuration, peak_damping(model, configuration))[modes]
+    return _unpaired(hz, peaks, model.kinetic_shares(configuration, modes.tolist()), highest)
+
+
+def _unpaired(
+    hz: Real, peaks: Real, energies: Sequence[Mapping[str, float]], highest: Real
+) -> tuple[UnpairedMode, ...]:
+    """Modes without a partner, from their peaks (l, outputs, inputs) and the kinetic energy in each body."""
     seen = np.where(highest > 0, peaks / np.where(highest > 0, highest, 1.0), 0.0)
     found = []
-    for each, share, energy in zip(hz, seen, model.kinetic_shares(configuration, modes.tolist()), strict=True):
+    for each, share, energy in zip(hz, seen, energies, strict=True):
         body = max(energy, key=lambda name: energy[name])
         largest = float(share.max(initial=0.0))
         y, u = np.unravel_index(int(share.argmax()), share.shape) if share.size else (0, 0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import Matrix, System
 
-__all__ = ["DampedModes", "Number", "Resonances", "by_body", "modal_weights"]
+__all__ = ["DampedModes", "Number", "Resonances", "by_body", "damped_modes_of", "modal_weights"]
 
 Number = TypeVar("Number", np.float64, np.complex128)
 
@@ -48,16 +48,38 @@ class DampedModes:
         Roots in rad/s.
     shapes : mapping of body to (m_i, k) complex128
         Shapes in each body's own coordinates, of unit length in the system's mass.
+    peaks : (k, outputs, inputs) float64
+        Response of each mode with its conjugate at its natural frequency.
     """
 
     s: NDArray[np.complex128]
     shapes: Mapping[str, NDArray[np.complex128]]
+    peaks: NDArray[np.float64]
 
 
 def by_body(system: System, X: NDArray[Number]) -> dict[str, NDArray[Number]]:
     """Shapes of a system in the coordinates of each body."""
     ends = np.cumsum(list(system.sizes.values()))
     return dict(zip(system.sizes, np.split(np.asarray(system.T @ X), ends[:-1]), strict=True))
+
+
+def damped_modes_of(system: System, s: NDArray[np.complex128], X: NDArray[np.complex128]) -> DampedModes:
+    """Complex modes of a system from its roots (k,) and shapes (N, k).
+
+    The residue of a root s is x y^T / (y^T (2 s M + D) x), y the left shape: x, or its conjugate under gyroscopic
+    forces, which is exact without damping. The two residues of a nearly critical pair are large and cancel.
+    """
+    Y, w = X.conj() if system.gyroscopic else X, abs(s)
+    slope = 2 * s * np.einsum("ik,ik->k", Y, system.M @ X)
+    if system.D is not None:
+        slope = slope + np.einsum("ik,ik->k", Y, system.D @ X)
+    outputs, inputs = system.C1 @ X + 1j * w * (system.C2 @ X), (Y.T @ system.B) / slope[:, None]
+    mirrored = (system.C1 @ X).conj() + 1j * w * (system.C2 @ X).conj()
+    own, other = (
+        np.einsum("yk,ku->kyu", left, right) / (1j * w - root)[:, None, None]
+        for left, right, root in ((outputs, inputs, s), (mirrored, inputs.conj(), s.conj()))
+    )
+    return DampedModes(s, by_body(system, X), abs(own + other))
 
 
 def modal_weights(A: Matrix, Phi: NDArray[np.float64]) -> NDArray[np.float64]:
