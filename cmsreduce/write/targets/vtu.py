@@ -13,6 +13,9 @@ from cmsreduce.write.files import atomic_path
 
 __all__ = ["write_vtu"]
 
+# Decks turn the first triangle of a wedge towards the second one, VTK away from it; meshio writes nodes as they come.
+_IN_VTK = {"wedge": [0, 2, 1, 3, 5, 4]}
+
 
 def write_vtu(
     path: Path,
@@ -33,7 +36,7 @@ def write_vtu(
     xyz : (p, 3) float64
         Coordinates.
     cells : mapping of meshio cell kind to (k, corners) int64
-        Positions in ``node``; without cells, every point is a vertex.
+        Positions in ``node``, in the order of NASTRAN and Abaqus; without cells, every point is a vertex.
     names : sequence of str
         One for each mode, unique.
     shapes : (p, 3, m) float64
@@ -48,7 +51,7 @@ def write_vtu(
 
     if shapes.shape != (len(node), 3, len(names)) or xyz.shape != (len(node), 3):
         raise WriteError(f"{path}: {len(node)} points and {len(names)} names do not fit shapes of {shapes.shape}")
-    blocks = [(kind, np.asarray(corners)) for kind, corners in cells.items() if len(corners)]
+    blocks = [(kind, corners[:, _IN_VTK.get(kind, slice(None))]) for kind, corners in cells.items() if len(corners)]
     if not blocks:
         blocks = [("vertex", np.arange(len(node))[:, None])]
     data = {"node": np.asarray(node, dtype=np.int64)}
