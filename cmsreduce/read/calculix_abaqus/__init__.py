@@ -4,6 +4,7 @@ The text formats of these two programs belong here.
 The reader of other programs' meshes belongs in `read.geometry`.
 """
 
+from cmsreduce.read.calculix_abaqus.decks import preload_step
 from cmsreduce.read.calculix_abaqus.expansion import expanded_node
 from cmsreduce.read.calculix_abaqus.hourglass import hourglass_forces
 from cmsreduce.read.calculix_abaqus.matrices import ABAQUS, CALCULIX, dof_list_beside, read_dof_list
@@ -17,5 +18,6 @@ __all__ = [
     "dof_list_beside",
     "expanded_node",
     "hourglass_forces",
+    "preload_step",
     "read_dof_list",
 ]

@@ -10,7 +10,7 @@ from pathlib import Path
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_text
 
-__all__ = ["Block", "DeckSets", "blocks", "deck_sets", "element_nodes", "longest_start"]
+__all__ = ["Block", "DeckSets", "blocks", "deck_sets", "element_nodes", "longest_start", "preload_step"]
 
 _NUMBER = re.compile(r"[+-]?\d+")
 
@@ -103,6 +103,15 @@ def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
 def _options(parts: list[str]) -> dict[str, str]:
     pairs = (part.partition("=") for part in parts if part.strip())
     return {" ".join(key.upper().split()): value.strip().strip('"') for key, _, value in pairs}
+
+
+def preload_step(path: Path) -> str:
+    """Place of the *STEP, PERTURBATION of a deck, whose matrices hold the stress of the step before; else empty."""
+    try:
+        return next((one.where for one in blocks(path) if one.keyword == "STEP" and "PERTURBATION" in one.options), "")
+    except (ReadError, OSError):
+        # Another reader says what is wrong with the file.
+        return ""
 
 
 def element_nodes(block: Block, count: int) -> Iterator[tuple[int, tuple[int, ...]]]:

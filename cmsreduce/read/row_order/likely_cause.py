@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import permutations
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
-from cmsreduce.read.calculix_abaqus import hourglass_forces
+from cmsreduce.read.row_order.deck_causes import hourglass_stiffness, preload
 from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
 from cmsreduce.read.row_order.places_by_motion import other_labels
 from cmsreduce.read.row_order.quiet_rows import LOUD, QUIET, quiet_share
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["Failure", "hourglass_stiffness", "likely_cause", "mistaken_matrices", "other_order", "shuffled_nodes"]
+__all__ = ["Failure", "likely_cause", "mistaken_matrices", "other_order", "shuffled_nodes"]
 
 _NAMED = 5
-# Elements without hourglasses, in place of those of one point.
-_FULL = {"C3D8R": "C3D8I or C3D8", "S4R": "S8R or S4", "B31R": "B32R or B31"}
 # A spring to ground loads only its own node; a mislabelled node also loads all its neighbours.
 _FEW_NODES, _FEW_SHARE = 3, 0.1
 # Coordinates that are wrong by more than this part of the body's size are other coordinates, not rounded ones.
@@ -31,8 +28,6 @@ _AXES, _TRIED = 9, 5
 _LENGTHS = {"metres": 1.0, "millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048}
 # Relative to the largest force on a row: a smaller one is round-off.
 _NO_FORCE = 1e-6
-# Forces that a cause explains are left with so many times their round-off, which is itself an estimate.
-_MORE_THAN_ROUNDING = 10.0
 # Relative error of a factor between units that least squares find.
 _SAME_FACTOR = 1e-3
 
@@ -91,6 +86,7 @@ def likely_cause(case: Failure) -> str:
     """The first cause that explains why a stiffness matrix resists rigid motion, and the remedy."""
     causes: tuple[Callable[[Failure], str | None], ...] = (
         hourglass_stiffness,
+        preload,
         _displacements_in_basic,
         _axes_of_others,
         _order_of_appearance,
@@ -104,33 +100,6 @@ def likely_cause(case: Failure) -> str:
         _unexplained,
     )
     return next(filter(None, (cause(case) for cause in causes)))
-
-
-def hourglass_stiffness(case: Failure) -> str | None:
-    """The stiffness by which CalculiX holds hourglasses resists rotation: its forces are those found."""
-    body, found = case.body, case.found
-    rows = np.flatnonzero((found.excess > 1) & np.isin(body.dofs.node, case.loaded))
-    deck = next((s.path for s in body.sources if s.holds == "geometry" and s.path.lower().endswith(".inp")), None)
-    if deck is None or not rows.size:
-        return None
-    parts, count = hourglass_forces(Path(deck), body.dofs, case.nodes, found.shapes)
-    if not parts:
-        return None
-    columns = np.array([part[rows].ravel() for part in parts]).T
-    force = found.force[rows]
-    size = np.linalg.norm(columns, axis=0)
-    moduli = np.linalg.lstsq(columns / np.where(size > 0, size, 1.0), force.ravel(), rcond=None)[0]
-    left = abs(force - (columns / np.where(size > 0, size, 1.0) @ moduli).reshape(force.shape)).max(axis=1)
-    if (left * found.excess[rows] > _MORE_THAN_ROUNDING * abs(force).max(axis=1)).any():
-        return None
-    named = " and ".join(f"{number} {label}" for label, number in count.items())
-    others = " and ".join(dict.fromkeys(_FULL.get(label, _FULL["C3D8R"]) for label in count))
-    solids = "" if "C3D8R" in count else " (CalculiX makes C3D8R of them)"
-    return (
-        f"elements: the {named} of {deck}{solids} make these forces, by the stiffness with which CalculiX holds their "
-        "hourglasses. Where opposite faces of such a solid are not parallel, as in a warped shell, it resists rigid "
-        f"rotation, in any order of the rows. Write the matrices again with {others} in their place"
-    )
 
 
 def mistaken_matrices(case: Failure) -> str | None:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes
+from cmsreduce.read.row_order.deck_causes import hourglass_stiffness, preload
 from cmsreduce.read.row_order.held_body import held_rows
 from cmsreduce.read.row_order.likely_cause import (
     Failure,
-    hourglass_stiffness,
     likely_cause,
     mistaken_matrices,
     other_order,
@@ -242,7 +242,8 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
         rows = np.flatnonzero(np.isin(body.dofs.node, held.wrong))
         worst = rows[found.excess[rows].argmax()]
         head = _not_proven(body, loaded[order], share[order], float(found.allowed[worst]))
-        if (cause := hourglass_stiffness(Failure(body, nodes, found, condensed, held.wrong))) is not None:
+        failure = Failure(body, nodes, found, condensed, held.wrong)
+        if (cause := hourglass_stiffness(failure) or preload(failure)) is not None:
             raise DofMapError(f"{head}. Likely cause: {cause}")
         raise DofMapError(
             f"{head}. Likely cause: {why} the body, but these nodes resist rotation and no translation, which no "

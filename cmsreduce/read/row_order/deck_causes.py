@@ -1,0 +1,72 @@
+"""Likely causes of forces against rigid motion that the deck shows: hourglass stiffness, and the stress of a load."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cmsreduce.model import FEModel
+from cmsreduce.read.calculix_abaqus import hourglass_forces, preload_step
+
+if TYPE_CHECKING:
+    from cmsreduce.read.row_order.likely_cause import Failure
+
+__all__ = ["hourglass_stiffness", "preload"]
+
+# Elements without hourglasses, in place of those of one point.
+_FULL = {"C3D8R": "C3D8I or C3D8", "S4R": "S8R or S4", "B31R": "B32R or B31"}
+# Forces that a cause explains are left with so many times their round-off, which is itself an estimate.
+_MORE_THAN_ROUNDING = 10.0
+# Relative to the stiffness: a stress changes it by the strain that belongs to it, and rows in disorder by more.
+_BY_STRESS = 1e-2
+
+
+def hourglass_stiffness(case: Failure) -> str | None:
+    """The stiffness by which CalculiX holds hourglasses resists rotation: its forces are those found."""
+    body, found = case.body, case.found
+    rows = np.flatnonzero((found.excess > 1) & np.isin(body.dofs.node, case.loaded))
+    deck = _input_file(body)
+    if deck is None or not rows.size:
+        return None
+    parts, count = hourglass_forces(deck, body.dofs, case.nodes, found.shapes)
+    if not parts:
+        return None
+    columns = np.array([part[rows].ravel() for part in parts]).T
+    force = found.force[rows]
+    size = np.linalg.norm(columns, axis=0)
+    moduli = np.linalg.lstsq(columns / np.where(size > 0, size, 1.0), force.ravel(), rcond=None)[0]
+    left = abs(force - (columns / np.where(size > 0, size, 1.0) @ moduli).reshape(force.shape)).max(axis=1)
+    if (left * found.excess[rows] > _MORE_THAN_ROUNDING * abs(force).max(axis=1)).any():
+        return None
+    named = " and ".join(f"{number} {label}" for label, number in count.items())
+    others = " and ".join(dict.fromkeys(_FULL.get(label, _FULL["C3D8R"]) for label in count))
+    solids = "" if "C3D8R" in count else " (CalculiX makes C3D8R of them)"
+    return (
+        f"elements: the {named} of {deck}{solids} make these forces, by the stiffness with which CalculiX holds their "
+        "hourglasses. Where opposite faces of such a solid are not parallel, as in a warped shell, it resists rigid "
+        f"rotation, in any order of the rows. Write the matrices again with {others} in their place"
+    )
+
+
+def preload(case: Failure) -> str | None:
+    """Stress of a load resists rotation: the deck has a perturbation step, and the forces are small."""
+    deck, found = _input_file(case.body), case.found
+    rows = (found.excess > 1) & np.isin(case.body.dofs.node, case.loaded)
+    if deck is None or found.relative[rows].max(initial=0.0) > _BY_STRESS:
+        return None
+    step = preload_step(deck)
+    if not step:
+        return None
+    return (
+        f"a preload: {step} with PERTURBATION writes matrices that hold the stress of the step before it, and its "
+        "loads do not turn with the body. Write both matrices in a first step without loads, and give (K with the load "
+        "- K without) / load as a stiffness of a parameter under `scene.parameters`"
+    )
+
+
+def _input_file(body: FEModel) -> Path | None:
+    """Deck of CalculiX or Abaqus among the files of a body."""
+    found = (s.path for s in body.sources if s.holds == "geometry" and s.path.lower().endswith(".inp"))
+    return next(map(Path, found), None)
