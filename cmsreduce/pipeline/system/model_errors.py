@@ -146,10 +146,12 @@ def _damped_pairs(
     lost = lost_complex_modes(full.s, reduced.s, cross, high, low)
     masses = reference.assembled.at(configuration).substructures
     energies = [
-        {name: float(np.vdot(X[:, k], masses[name].M @ X[:, k]).real) for name, X in full.shapes.items()}
+        {name: float((X[:, k].conj() @ np.asarray(masses[name].M @ X[:, k])).real) for name, X in full.shapes.items()}
         for k in lost.tolist()
     ]
-    alone = _unpaired(abs(full.s[lost]) / (2 * np.pi), full.peaks[lost], energies, highest)
+    alone = _unpaired(
+        np.asarray(abs(full.s[lost]) / (2 * np.pi), dtype=np.float64), full.peaks[lost], energies, highest
+    )
     return replace(pair_complex_modes(full.s, reduced.s, cross, high, low), lost=alone)
 
 

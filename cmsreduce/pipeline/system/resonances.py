@@ -70,9 +70,9 @@ def damped_modes_of(system: System, s: NDArray[np.complex128], X: NDArray[np.com
     forces, which is exact without damping. The two residues of a nearly critical pair are large and cancel.
     """
     Y, w = X.conj() if system.gyroscopic else X, abs(s)
-    slope = 2 * s * np.einsum("ik,ik->k", Y, system.M @ X)
+    slope = 2 * s * (Y * np.asarray(system.M @ X)).sum(axis=0)
     if system.D is not None:
-        slope = slope + np.einsum("ik,ik->k", Y, system.D @ X)
+        slope = slope + (Y * np.asarray(system.D @ X)).sum(axis=0)
     outputs, inputs = system.C1 @ X + 1j * w * (system.C2 @ X), (Y.T @ system.B) / slope[:, None]
     mirrored = (system.C1 @ X).conj() + 1j * w * (system.C2 @ X).conj()
     own, other = (
