@@ -15,10 +15,12 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 
 from cmsreduce.errors import ReadError, refuse_device
 
 __all__ = [
+    "HEADERS",
     "LIBRARY_ERRORS",
     "files_read",
     "is_med",
@@ -51,6 +53,9 @@ LIBRARY_ERRORS = (
 )
 """Readers of binary formats raise any of these when a file is damaged; none is a message for an engineer."""
 
+HEADERS = Lock()
+"""For files of numpy, whose headers Python parses: it counts the depth of its parser for all threads together, so that
+two at once may end in an error (CPython 3.11)."""
 
 _READ: ContextVar[set[Path] | None] = ContextVar("files_read", default=None)
 

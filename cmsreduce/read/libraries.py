@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.files import reading
+from cmsreduce.read.files import HEADERS, reading
 from cmsreduce.read.formats import CELL_CORNERS, Cells
 
 __all__ = ["Arrays", "arrays_of", "cells_of"]
@@ -71,7 +71,7 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
         if done.returncode or not arrays.is_file():
             said = " ".join((done.stdout + b" " + done.stderr).decode(errors="replace").split())
             raise refused(said[:_LONGEST_REASON])
-        with reading(path, "what the library read"), np.load(arrays, allow_pickle=False) as loaded:
+        with reading(path, "what the library read"), HEADERS, np.load(arrays, allow_pickle=False) as loaded:
             return {name: loaded[name] for name in loaded.files}
 
 

@@ -16,7 +16,7 @@ from numpy.lib import format as npy
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import HARMLESS_BYTES, LARGEST_GROWTH
-from cmsreduce.read.files import reading
+from cmsreduce.read.files import HEADERS, reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size
 
@@ -130,7 +130,8 @@ def _npy_matrices(path: Path) -> list[StoredMatrix]:
         )
 
     def array() -> Any:
-        return np.load(path, allow_pickle=False)
+        with HEADERS:
+            return np.load(path, allow_pickle=False)
 
     return [_stored(path, path.stem, "npy", shape, dtype, array)]
 
@@ -185,7 +186,8 @@ def _header(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
     if int.from_bytes(length, "little") > _LONGEST_HEADER:
         raise ValueError(f"a header of {int.from_bytes(length, 'little')} bytes")
     file.seek(-len(length), os.SEEK_CUR)
-    shape, _, dtype = npy.read_array_header_1_0(file) if narrow else npy.read_array_header_2_0(file)
+    with HEADERS:
+        shape, _, dtype = npy.read_array_header_1_0(file) if narrow else npy.read_array_header_2_0(file)
     if any(length < 0 for length in shape):
         raise ValueError(f"a header with the shape {shape}")
     return shape, dtype
@@ -212,7 +214,7 @@ def _stored(
 
 def _member(path: Path, name: str) -> Any:
     """One array of a .npz file."""
-    with np.load(path, allow_pickle=False) as archive:
+    with HEADERS, np.load(path, allow_pickle=False) as archive:
         return archive[name]
 
 
@@ -227,7 +229,7 @@ def _saved_sparse(path: Path, dtype: np.dtype[Any]) -> StoredMatrix:
     def load() -> LabelledMatrix:
         rows, cols, _ = size()
         check_size(path, path.stem, rows, cols, path.stat().st_size)
-        with reading(path, "the sparse matrix"):
+        with reading(path, "the sparse matrix"), HEADERS:
             A = sp.load_npz(path)
         return from_array(path, path.stem, "npz", A)
 

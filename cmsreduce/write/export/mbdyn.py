@@ -54,7 +54,7 @@ def write_mbdyn_scene(folder: Path, scene: MultibodyScene) -> tuple[Path, ...]:
         component = read_component(file)
         write_mbdyn(path, component, stored_integrals(component), "points")
     path = folder / "scene.mbd"
-    put_lines(path, lines)
+    put_lines(path, "\n".join(lines).split("\n"))
     return (path, *files.values())
 
 

@@ -76,7 +76,7 @@ def write_42_scene(folder: Path, scene: MultibodyScene) -> tuple[Path, ...]:
             texts[_hinge_name(index)] = list(_elements(hinge))
     written = [folder / name for name in texts]
     for path, lines in zip(written, texts.values(), strict=True):
-        put_lines(path, lines)
+        put_lines(path, "\n".join(lines).split("\n"))
     for index, part in enumerate(tree.parts):
         if part.file is not None and part.modes is not None:
             written += write_42(folder / _flex_name(index, part), part.file, part.modes.integrals, part.joints)

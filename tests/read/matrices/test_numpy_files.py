@@ -1,5 +1,6 @@
 """Files of numpy and scipy.sparse."""
 
+import ast
 import io
 import zipfile
 from pathlib import Path
@@ -10,6 +11,7 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read import detect_format, matrix_names, read_matrix
+from cmsreduce.read.files import HEADERS
 
 K = np.array([[2.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 4.0e6, 0.0], [0.0, 0.0, 0.0]])
 LAYOUTS = {
@@ -173,3 +175,15 @@ def test_array_of_three_dimensions(tmp_path: Path) -> None:
     np.save(tmp_path / "text.npy", np.array([["a"]]))
     with pytest.raises(ReadError, match="holds <U1, not numbers"):
         read_matrix(tmp_path / "text.npy", "text")
+
+
+def test_headers_are_parsed_by_one_thread_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bodies are read at once; two headers at once ended a run in one of several thousand."""
+    np.save(tmp_path / "body.npy", K)
+    np.savez(tmp_path / "body.npz", K=K, M=K)
+    sp.save_npz(tmp_path / "sparse.npz", sp.csc_array(K))
+    alone, parse = [], ast.literal_eval
+    monkeypatch.setattr(ast, "literal_eval", lambda text: (alone.append(HEADERS.locked()), parse(text))[1])
+    for name in ("body.npy", "body.npz", "sparse.npz"):
+        read_matrix(tmp_path / name, "K" if name == "body.npz" else None)
+    assert len(alone) > 6 and all(alone)
