@@ -28,6 +28,7 @@ FMI_DIALECTS = ("fmi3", "fmi2")
 """Versions of the standard: 3.0 and 2.0."""
 
 _SOURCES = Path(__file__).parent / "sources"
+_HEADERS = ("linear_model.h", "calls.h")
 # The exponential of A has the square of this number of entries, 8 MiB.
 _LARGEST = 1000
 # Folders of the standards; version 2.0 names no others for these systems.
@@ -76,7 +77,7 @@ def write_unit(path: Path, model: LinearModel, version: str = "fmi3") -> None:
     digest = hashlib.sha256(f"{version}\n{model.name}\n{data}".encode()).hexdigest()
     token = "{" + "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))) + "}"
     entry = f"{version}.c"
-    sources = {name: (_SOURCES / name).read_text(encoding="ascii") for name in (entry, "linear_model.h")}
+    sources = {name: (_SOURCES / name).read_text(encoding="ascii") for name in (entry, *_HEADERS)}
     sources["model_data.h"] = f'#define TOKEN "{token}"\n{data}\n'
     files = {"modelDescription.xml": model_description(model, version, identifier, token, entry)}
     if version == "fmi3":

@@ -3,18 +3,9 @@
 #include "linear_model.h"
 
 #if defined(FMI2_FUNCTION_PREFIX)
-#define PASTE_NAMES(a, b) a##b
-#define PASTE(a, b) PASTE_NAMES(a, b)
 #define FMI2(name) PASTE(FMI2_FUNCTION_PREFIX, name)
 #else
 #define FMI2(name) name
-#endif
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#elif defined(__GNUC__)
-#define EXPORT __attribute__((visibility("default")))
-#else
-#define EXPORT
 #endif
 
 typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } Status;
@@ -41,6 +32,14 @@ static Status answer(const Model *model, int failed, const char *message)
     return fmi2Error;
 }
 
+/* Names and types of the calls that both versions have. */
+#define CALL(name) FMI2(fmi2##name)
+#define STATE_CALL(verb, rest) FMI2(fmi2##verb##FMUstate##rest)
+#define DESERIALIZE STATE_CALL(DeSerialize, )
+#define DERIVATIVES FMI2(fmi2GetDerivatives)
+typedef char Byte;
+#include "calls.h"
+
 EXPORT const char *FMI2(fmi2GetTypesPlatform)(void) { return "default"; }
 EXPORT const char *FMI2(fmi2GetVersion)(void) { return "2.0"; }
 EXPORT Status FMI2(fmi2SetDebugLogging)(Model *m, int on, size_t n, const char *const categories[])
@@ -58,7 +57,6 @@ EXPORT Model *FMI2(fmi2Instantiate)(const char *name, int type, const char *toke
         logger(callbacks->environment, name, fmi2Error, "logStatusError", "%s", "the GUID is another, or no memory");
     return model;
 }
-EXPORT void FMI2(fmi2FreeInstance)(Model *m) { free_model(m); }
 EXPORT Status FMI2(fmi2SetupExperiment)(Model *m, int tolerance_defined, double tolerance, double start,
                                         int stop_defined, double stop)
 {
@@ -67,13 +65,6 @@ EXPORT Status FMI2(fmi2SetupExperiment)(Model *m, int tolerance_defined, double 
     return fmi2OK;
 }
 EXPORT Status FMI2(fmi2EnterInitializationMode)(Model *m) { (void)m; return fmi2OK; }
-EXPORT Status FMI2(fmi2ExitInitializationMode)(Model *m) { (void)m; return fmi2OK; }
-EXPORT Status FMI2(fmi2Terminate)(Model *m) { (void)m; return fmi2OK; }
-EXPORT Status FMI2(fmi2Reset)(Model *m)
-{
-    memset(&m->now, 0, sizeof m->now);
-    return fmi2OK;
-}
 
 EXPORT Status FMI2(fmi2GetReal)(Model *m, const unsigned int r[], size_t n, double value[])
 {
@@ -101,48 +92,6 @@ NO_VARIABLES(Integer, int)
 NO_VARIABLES(Boolean, int)
 NO_VARIABLES(String, String)
 
-EXPORT Status FMI2(fmi2GetFMUstate)(Model *m, Values **state)
-{
-    if (!*state)
-        *state = malloc(sizeof(Values));
-    if (*state)
-        **state = m->now;
-    return answer(m, !*state, "no memory");
-}
-EXPORT Status FMI2(fmi2SetFMUstate)(Model *m, Values *state)
-{
-    m->now = *state;
-    return fmi2OK;
-}
-EXPORT Status FMI2(fmi2FreeFMUstate)(Model *m, Values **state)
-{
-    (void)m;
-    free(*state);
-    *state = NULL;
-    return fmi2OK;
-}
-EXPORT Status FMI2(fmi2SerializedFMUstateSize)(Model *m, Values *state, size_t *size)
-{
-    (void)m, (void)state;
-    *size = sizeof(Values);
-    return fmi2OK;
-}
-EXPORT Status FMI2(fmi2SerializeFMUstate)(Model *m, Values *state, char bytes[], size_t size)
-{
-    if (size >= sizeof(Values))
-        memcpy(bytes, state, sizeof(Values));
-    return answer(m, size < sizeof(Values), "the array for the state is too small");
-}
-EXPORT Status FMI2(fmi2DeSerializeFMUstate)(Model *m, const char bytes[], size_t size, Values **state)
-{
-    if (size != sizeof(Values))
-        return answer(m, 1, "the bytes are no state of this unit");
-    if (!*state)
-        *state = malloc(sizeof(Values));
-    if (*state)
-        memcpy(*state, bytes, sizeof(Values));
-    return answer(m, !*state, "no memory");
-}
 EXPORT Status FMI2(fmi2GetDirectionalDerivative)(Model *m, const unsigned int unknown[], size_t unknowns,
                                                  const unsigned int known[], size_t knowns, const double seed[],
                                                  double sensitivity[])
@@ -151,53 +100,17 @@ EXPORT Status FMI2(fmi2GetDirectionalDerivative)(Model *m, const unsigned int un
                   "derivatives are those of state derivatives and outputs, by states and inputs");
 }
 
-EXPORT Status FMI2(fmi2EnterEventMode)(Model *m) { (void)m; return fmi2OK; }
 EXPORT Status FMI2(fmi2NewDiscreteStates)(Model *m, EventInfo *info)
 {
     (void)m;
     memset(info, 0, sizeof *info);
     return fmi2OK;
 }
-EXPORT Status FMI2(fmi2EnterContinuousTimeMode)(Model *m) { (void)m; return fmi2OK; }
 EXPORT Status FMI2(fmi2CompletedIntegratorStep)(Model *m, int no_return, int *enter_event_mode, int *terminate)
 {
     (void)m, (void)no_return;
     *enter_event_mode = *terminate = 0;
     return fmi2OK;
-}
-EXPORT Status FMI2(fmi2SetTime)(Model *m, double time)
-{
-    m->now.time = time;
-    return fmi2OK;
-}
-EXPORT Status FMI2(fmi2SetContinuousStates)(Model *m, const double x[], size_t n)
-{
-    if (n == NX)
-        memcpy(m->now.x, x, sizeof(double) * NX);
-    return answer(m, n != NX, "another number of states");
-}
-EXPORT Status FMI2(fmi2GetDerivatives)(Model *m, double dx[], size_t n)
-{
-    if (n == NX)
-        derivatives(&m->now, dx);
-    return answer(m, n != NX, "another number of states");
-}
-EXPORT Status FMI2(fmi2GetEventIndicators)(Model *m, double indicator[], size_t n)
-{
-    (void)indicator;
-    return answer(m, n > 0, "there are no event indicators");
-}
-EXPORT Status FMI2(fmi2GetContinuousStates)(Model *m, double x[], size_t n)
-{
-    if (n == NX)
-        memcpy(x, m->now.x, sizeof(double) * NX);
-    return answer(m, n != NX, "another number of states");
-}
-EXPORT Status FMI2(fmi2GetNominalsOfContinuousStates)(Model *m, double nominal[], size_t n)
-{
-    if (n == NX)
-        memcpy(nominal, NOMINAL, sizeof(double) * NX);
-    return answer(m, n != NX, "another number of states");
 }
 
 EXPORT Status FMI2(fmi2SetRealInputDerivatives)(Model *m, const unsigned int r[], size_t n, const int order[],

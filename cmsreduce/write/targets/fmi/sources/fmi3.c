@@ -6,18 +6,9 @@
 #include "linear_model.h"
 
 #if defined(FMI3_FUNCTION_PREFIX)
-#define PASTE_NAMES(a, b) a##b
-#define PASTE(a, b) PASTE_NAMES(a, b)
 #define FMI3(name) PASTE(FMI3_FUNCTION_PREFIX, name)
 #else
 #define FMI3(name) name
-#endif
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#elif defined(__GNUC__)
-#define EXPORT __attribute__((visibility("default")))
-#else
-#define EXPORT
 #endif
 
 typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } Status;
@@ -34,6 +25,14 @@ static Status answer(const Model *model, int failed, const char *message)
         ((Logger)model->logger)(model->environment, fmi3Error, "logStatusError", message);
     return fmi3Error;
 }
+
+/* Names and types of the calls that both versions have. */
+#define CALL(name) FMI3(fmi3##name)
+#define STATE_CALL(verb, rest) FMI3(fmi3##verb##FMUState##rest)
+#define DESERIALIZE STATE_CALL(Deserialize, )
+#define DERIVATIVES FMI3(fmi3GetContinuousStateDerivatives)
+typedef uint8_t Byte;
+#include "calls.h"
 
 static Model *instantiate(String name, String token, void *environment, Logger logger)
 {
@@ -77,20 +76,11 @@ EXPORT Model *FMI3(fmi3InstantiateScheduledExecution)(String name, String token,
         logger(environment, fmi3Error, "logStatusError", "there is no scheduled execution");
     return NULL;
 }
-EXPORT void FMI3(fmi3FreeInstance)(Model *m) { free_model(m); }
 EXPORT Status FMI3(fmi3EnterInitializationMode)(Model *m, bool tolerance_defined, double tolerance, double start,
                                                 bool stop_defined, double stop)
 {
     (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop;
     m->now.time = start;
-    return fmi3OK;
-}
-EXPORT Status FMI3(fmi3ExitInitializationMode)(Model *m) { (void)m; return fmi3OK; }
-EXPORT Status FMI3(fmi3EnterEventMode)(Model *m) { (void)m; return fmi3OK; }
-EXPORT Status FMI3(fmi3Terminate)(Model *m) { (void)m; return fmi3OK; }
-EXPORT Status FMI3(fmi3Reset)(Model *m)
-{
-    memset(&m->now, 0, sizeof m->now);
     return fmi3OK;
 }
 
@@ -161,49 +151,6 @@ EXPORT Status FMI3(fmi3GetVariableDependencies)(Model *m, Reference r, size_t el
     return answer(m, 1, "dependencies are in modelDescription.xml");
 }
 
-EXPORT Status FMI3(fmi3GetFMUState)(Model *m, Values **state)
-{
-    if (!*state)
-        *state = malloc(sizeof(Values));
-    if (*state)
-        **state = m->now;
-    return answer(m, !*state, "no memory");
-}
-EXPORT Status FMI3(fmi3SetFMUState)(Model *m, Values *state)
-{
-    m->now = *state;
-    return fmi3OK;
-}
-EXPORT Status FMI3(fmi3FreeFMUState)(Model *m, Values **state)
-{
-    (void)m;
-    free(*state);
-    *state = NULL;
-    return fmi3OK;
-}
-EXPORT Status FMI3(fmi3SerializedFMUStateSize)(Model *m, Values *state, size_t *size)
-{
-    (void)m, (void)state;
-    *size = sizeof(Values);
-    return fmi3OK;
-}
-EXPORT Status FMI3(fmi3SerializeFMUState)(Model *m, Values *state, uint8_t bytes[], size_t size)
-{
-    if (size >= sizeof(Values))
-        memcpy(bytes, state, sizeof(Values));
-    return answer(m, size < sizeof(Values), "the array for the state is too small");
-}
-EXPORT Status FMI3(fmi3DeserializeFMUState)(Model *m, const uint8_t bytes[], size_t size, Values **state)
-{
-    if (size != sizeof(Values))
-        return answer(m, 1, "the bytes are no state of this unit");
-    if (!*state)
-        *state = malloc(sizeof(Values));
-    if (*state)
-        memcpy(*state, bytes, sizeof(Values));
-    return answer(m, !*state, "no memory");
-}
-
 EXPORT Status FMI3(fmi3GetDirectionalDerivative)(Model *m, const Reference unknown[], size_t unknowns,
                                                  const Reference known[], size_t knowns, const double seed[],
                                                  size_t seeds, double sensitivity[], size_t sensitivities)
@@ -252,46 +199,11 @@ EXPORT Status FMI3(fmi3UpdateDiscreteStates)(Model *m, bool *update, bool *termi
     return fmi3OK;
 }
 
-EXPORT Status FMI3(fmi3EnterContinuousTimeMode)(Model *m) { (void)m; return fmi3OK; }
 EXPORT Status FMI3(fmi3CompletedIntegratorStep)(Model *m, bool no_return, bool *enter_event_mode, bool *terminate)
 {
     (void)m, (void)no_return;
     *enter_event_mode = *terminate = false;
     return fmi3OK;
-}
-EXPORT Status FMI3(fmi3SetTime)(Model *m, double time)
-{
-    m->now.time = time;
-    return fmi3OK;
-}
-EXPORT Status FMI3(fmi3SetContinuousStates)(Model *m, const double x[], size_t n)
-{
-    if (n == NX)
-        memcpy(m->now.x, x, sizeof(double) * NX);
-    return answer(m, n != NX, "another number of states");
-}
-EXPORT Status FMI3(fmi3GetContinuousStateDerivatives)(Model *m, double dx[], size_t n)
-{
-    if (n == NX)
-        derivatives(&m->now, dx);
-    return answer(m, n != NX, "another number of states");
-}
-EXPORT Status FMI3(fmi3GetEventIndicators)(Model *m, double indicator[], size_t n)
-{
-    (void)indicator;
-    return answer(m, n > 0, "there are no event indicators");
-}
-EXPORT Status FMI3(fmi3GetContinuousStates)(Model *m, double x[], size_t n)
-{
-    if (n == NX)
-        memcpy(x, m->now.x, sizeof(double) * NX);
-    return answer(m, n != NX, "another number of states");
-}
-EXPORT Status FMI3(fmi3GetNominalsOfContinuousStates)(Model *m, double nominal[], size_t n)
-{
-    if (n == NX)
-        memcpy(nominal, NOMINAL, sizeof(double) * NX);
-    return answer(m, n != NX, "another number of states");
 }
 EXPORT Status FMI3(fmi3GetNumberOfEventIndicators)(Model *m, size_t *n)
 {

@@ -10,6 +10,17 @@
 
 #include "model_data.h"
 
+/* Names that a program may put a prefix to, and that a library shows. */
+#define PASTE_NAMES(a, b) a##b
+#define PASTE(a, b) PASTE_NAMES(a, b)
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#elif defined(__GNUC__)
+#define EXPORT __attribute__((visibility("default")))
+#else
+#define EXPORT
+#endif
+
 /* Value references: time, states, their derivatives, inputs, outputs. */
 #define FIRST_X 1
 #define FIRST_DX (FIRST_X + NX)
