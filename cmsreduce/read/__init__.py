@@ -4,7 +4,6 @@ Formats, geometry, row labels, interfaces and the proof of the row order belong 
 Ties and other mechanics belong in `mechanics`; the keys that name files belong in `config`.
 """
 
-from cmsreduce.read.ansys import is_row_mapping
 from cmsreduce.read.body import read_body
 from cmsreduce.read.calculix_abaqus import expanded_node
 from cmsreduce.read.controller import read_controller
@@ -20,8 +19,6 @@ from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
     BulkDeck,
     bars_in_units,
-    deck_energy,
-    deck_mass,
     read_bars,
     read_bulk,
     read_followers,
@@ -78,8 +75,6 @@ __all__ = [
     "StatedMass",
     "StatedNodes",
     "StatedPlates",
-    "deck_energy",
-    "deck_mass",
     "damping_order_doubt",
     "deck_statement",
     "detect_format",
@@ -88,7 +83,6 @@ __all__ = [
     "expanded_node",
     "files_read",
     "in_dofs",
-    "is_row_mapping",
     "matrix_names",
     "prove_mass_order",
     "prove_row_order",

@@ -12,7 +12,7 @@ from cmsreduce.read.nastran.op2 import OP2
 from cmsreduce.read.nastran.op2_geometry import OP2_GEOMETRY
 from cmsreduce.read.nastran.op4 import OP4
 from cmsreduce.read.nastran.rigid_elements import read_followers
-from cmsreduce.read.nastran.stated import deck_energy, deck_mass, grid_masses
+from cmsreduce.read.nastran.stated import grid_masses
 
 __all__ = [
     "BULK_DATA",
@@ -24,8 +24,6 @@ __all__ = [
     "OP4",
     "SET_NAMES",
     "bars_in_units",
-    "deck_energy",
-    "deck_mass",
     "grid_masses",
     "read_bars",
     "read_bulk",

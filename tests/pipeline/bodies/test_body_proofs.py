@@ -17,6 +17,7 @@ from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.read import prove_mass_order, prove_row_order
+from cmsreduce.read.nastran.stated import deck_statement
 from tests.frames import BAR, beam_matrices, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
 from tests.solids import block
@@ -101,22 +102,20 @@ def test_a_held_body_is_compared_under_the_strains_that_its_supports_allow(tmp_p
 
 
 def test_a_tetrahedron_with_nodes_between_its_corners_and_a_plate(tmp_path: Path) -> None:
-    from cmsreduce.read import deck_energy
-
     corners = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4.0]])
     edges = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
     nodes = Nodes.in_basic(range(1, 11), np.vstack([corners, [corners[list(e)].mean(axis=0) for e in edges]]))
     path = tmp_path / "deck.bdf"
     solid = ["CTETRA,1,1,1,2,3,4,5,6", ",7,8,9,10", "PSOLID,1,1", "MAT1,1,10.,,.25"]
     path.write_text("\n".join(["BEGIN BULK", *solid, "ENDDATA"]))
-    found = deck_energy(path, nodes)
+    _, found = deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
     assert found is not None and found.exact and found.nodes.size == 10
     # V = 4, lambda = 4, G = 4: V (lambda + 2 G) by stretching, 4 V G by an entry of G off the diagonal.
     np.testing.assert_allclose(found.low.diagonal(), [48, 48, 48, 64, 64, 64])
     np.testing.assert_allclose(found.low[0, 1], 16)
     plate = ["CTRIA3,1,1,1,2,3", "PSHELL,1,1,.1,1,,1", "MAT1,1,10.,,.25"]
     path.write_text("\n".join(["BEGIN BULK", *plate, "ENDDATA"]))
-    found = deck_energy(path, nodes)
+    _, found = deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
     assert found is not None and found.high is not None
     # A t E / (1 - nu^2) along x, 4 A t G by shear in the plane, 5/6 A t G across it.
     np.testing.assert_allclose(found.low.diagonal(), [3.2, 3.2, 0, 4.8, 0, 0], atol=1e-12)
@@ -126,8 +125,6 @@ def test_a_tetrahedron_with_nodes_between_its_corners_and_a_plate(tmp_path: Path
 @pytest.mark.parametrize("bent", [0.0, 0.01])
 def test_plates_with_nodes_between_corners_have_the_energy_of_plates(tmp_path: Path, bent: float) -> None:
     """Their mass, too. What they give to single nodes depends on the program."""
-    from cmsreduce.read import deck_energy, deck_mass
-
     corners = np.array([[0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0.0]])
     around = np.array([corners[[k, (k + 1) % 4]].mean(axis=0) for k in range(4)])
     around[1, 0] += bent
@@ -137,7 +134,7 @@ def test_plates_with_nodes_between_corners_have_the_energy_of_plates(tmp_path: P
     path = tmp_path / "deck.bdf"
     cards = ["CQUAD8,1,1,1,2,3,4,5,6", ",7,8", "CTRIA6,2,1,2,9,3,10,11,6", "PSHELL,1,1,.1,1,,1", "MAT1,1,10.,,.25,7."]
     path.write_text("\n".join(["BEGIN BULK", *cards, "ENDDATA"]))
-    energy, mass = deck_energy(path, nodes), deck_mass(path, nodes)
+    mass, energy = deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
     assert (energy is None) == (mass is None) == (bent > 0)
     if energy is not None and mass is not None:
         # A t = 0.9: A t E / (1 - nu^2) along x and y, 4 A t G in the plane, 5/6 A t G across it.
@@ -149,14 +146,12 @@ def test_plates_with_nodes_between_corners_have_the_energy_of_plates(tmp_path: P
 
 
 def test_a_short_bar_of_a_stated_shape_is_softer_by_its_shear(tmp_path: Path) -> None:
-    from cmsreduce.read import deck_energy
-
     # A listing of MSC Nastran 2013 has such bars, and the program gave them 5/6 of their area in shear.
     nodes = Nodes.in_basic([1, 2], np.array([[0, 0, 0], [0.9, 0, 0]]))
     path = tmp_path / "deck.bdf"
     made = ["CBAR,1,1,1,2,0.,0.,1.", "PBARL,1,1,,BAR", ",.5,1.68", "MAT1,1,2.01E9,,.25"]
     path.write_text("\n".join(["BEGIN BULK", *made, "ENDDATA"]))
-    found = deck_energy(path, nodes)
+    _, found = deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
     assert found is not None and found.high is not None
     area, moments, G = 0.84, (1.68 * 0.5**3 / 12, 0.5 * 1.68**3 / 12), 2.01e9 / 2.5
     bending = [12 * 2.01e9 * moment / 0.9**3 for moment in moments]
@@ -248,13 +243,11 @@ def test_a_body_with_elements_whose_nodes_are_unknown_is_proven_from_below(tmp_p
 
 
 def test_a_pyramid_has_the_energy_of_its_volume(tmp_path: Path) -> None:
-    from cmsreduce.read import deck_energy
-
     base = np.array([[0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0]])
     nodes = Nodes.in_basic(range(1, 6), np.vstack([base, [0.3, 0.2, 2.0]]))
     path = tmp_path / "deck.bdf"
     path.write_text("\n".join(["BEGIN BULK", "CPYRAM,1,1,1,2,3,4,5", "PSOLID,1,1", "MAT1,1,10.,,.25", "ENDDATA"]))
-    found = deck_energy(path, nodes)
+    _, found = deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
     # V = 4, lambda = 4, G = 4, as of the tetrahedron.
     assert found is not None and found.exact
     np.testing.assert_allclose(found.low.diagonal(), [48, 48, 48, 64, 64, 64])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.model import Nodes
-from cmsreduce.read import deck_mass
+from cmsreduce.read.nastran.stated import deck_statement
 from cmsreduce.read.nastran.stated.mass import grid_masses, solid_volumes
 
 # A bent line, and the corners of a block of 2 x 1 x 3 with a corner aside.
@@ -21,7 +21,7 @@ ENDS = {"5 m": (5.0, [1.5, 2, 0]), "12 m": (12.0, [3, 4, 6])}
 def stated(tmp_path: Path, *cards: str):
     path = tmp_path / "deck.bdf"
     path.write_text("\n".join(["BEGIN BULK", "GRID,1", *cards, "ENDDATA"]) + "\n")
-    return deck_mass(path, NODES)
+    return deck_statement(path, NODES, np.ones(len(NODES), dtype=bool))[0]
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_solids_with_nodes_between_corners(tmp_path: Path, bent: float) -> None:
     cards = ["BEGIN BULK", "GRID,1", MATERIAL, "PSOLID,7,1", "CTETRA,1,7,1,2,3,4,5,6", ",7,8,9,10", "ENDDATA"]
     path.write_text("\n".join(cards) + "\n")
     nodes = Nodes.in_basic(range(1, 11), np.vstack([TETRAHEDRON, middle]))
-    found = deck_mass(path, nodes)
+    found, _ = deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
     assert (found is None) == (bent > 0)
     if found is not None:
         c = TETRAHEDRON.mean(axis=0)
@@ -117,8 +117,9 @@ def test_solids_with_nodes_between_corners(tmp_path: Path, bent: float) -> None:
 def test_a_file_that_is_no_deck_states_none(tmp_path: Path) -> None:
     path = tmp_path / "mesh.frd"
     path.write_bytes(bytes(range(256)))
-    assert deck_mass(path, NODES) is None
-    assert deck_mass(tmp_path / "none.bdf", NODES) is None
+    every = np.ones(len(NODES), dtype=bool)
+    assert deck_statement(path, NODES, every) == (None, None)
+    assert deck_statement(tmp_path / "none.bdf", NODES, every) == (None, None)
 
 
 @pytest.mark.parametrize(("lift", "points"), [(0.0, 2), (1e-8, 2), (0.2, 3)])

@@ -4,7 +4,7 @@ Elements, sections, materials and what follows from them belong here. Reading ca
 `read.nastran.cards`; what decks of other programs state has the same form, in `read.stated`.
 """
 
-from cmsreduce.read.nastran.stated.energy import deck_energy, deck_statement
-from cmsreduce.read.nastran.stated.mass import deck_mass, grid_masses
+from cmsreduce.read.nastran.stated.energy import deck_statement
+from cmsreduce.read.nastran.stated.mass import grid_masses
 
-__all__ = ["deck_energy", "deck_mass", "deck_statement", "grid_masses"]
+__all__ = ["deck_statement", "grid_masses"]

@@ -31,7 +31,7 @@ from cmsreduce.read.stated import (
     sum_of_energies,
 )
 
-__all__ = ["deck_energy", "deck_statement"]
+__all__ = ["deck_statement"]
 
 Array = NDArray[np.float64]
 Lost = tuple[int, int]
@@ -48,30 +48,7 @@ _SHEAR_SHARE = 0.8333333
 _BENT = 4.0
 
 
-def deck_energy(path: Path, nodes: Nodes) -> StatedEnergy | None:
-    """Add up the strain energies of the elements of a deck.
-
-    Parameters
-    ----------
-    path : Path
-        Deck, with or without executive and case control.
-    nodes : Nodes
-        Its grids.
-
-    Returns
-    -------
-    StatedEnergy or None
-        In the units of the deck. None if the file is no deck, states no material, or has no element whose properties
-        are known and isotropic.
-    """
-    return energy_of(stated_elements(path, nodes), np.ones(len(nodes), dtype=bool))
-
-
-def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEnergy | None:
-    """Add up the strain energies of the elements of a deck, as `deck_energy` does.
-
-    ``moving`` (N,) is True for the nodes that have rows; elements on others are left out.
-    """
+def _energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEnergy | None:
     if elements is None or not any(elements.cards.get(name) for name in ("MAT1", *LAYERED)):
         return None
     cards = elements.cards
@@ -101,12 +78,27 @@ def energy_of(elements: Elements | None, moving: NDArray[np.bool_]) -> StatedEne
 def deck_statement(
     path: Path, nodes: Nodes, moving: NDArray[np.bool_]
 ) -> tuple[StatedMass | None, StatedEnergy | None]:
-    """Mass and strain energy of a deck, as `deck_mass` and `deck_energy` give them, from one reading.
+    """Add up the masses and the strain energies of the elements of a deck.
 
-    ``moving`` (N,) is True for the nodes that have rows; the energy leaves out elements on others.
+    Parameters
+    ----------
+    path : Path
+        Deck, with or without executive and case control.
+    nodes : Nodes
+        Its grids.
+    moving : (N,) bool
+        True for the nodes that have rows; the energy leaves out elements on others.
+
+    Returns
+    -------
+    mass : StatedMass or None
+        As `mass_of` gives it.
+    energy : StatedEnergy or None
+        In the units of the deck. None if the file is no deck, states no material, or has no element whose properties
+        are known and isotropic.
     """
     elements = stated_elements(path, nodes)
-    return mass_of(elements), energy_of(elements, moving)
+    return mass_of(elements), _energy_of(elements, moving)
 
 
 def _strain_of(direction: Array, other: Array) -> Array:

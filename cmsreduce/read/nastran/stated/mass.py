@@ -27,7 +27,7 @@ from cmsreduce.read.stated import (
     sum_of_masses,
 )
 
-__all__ = ["deck_mass", "grid_masses", "mass_of", "solid_volumes"]
+__all__ = ["grid_masses", "mass_of", "solid_volumes"]
 
 Array = NDArray[np.float64]
 
@@ -51,15 +51,8 @@ _CORNERS = {
 }
 
 
-def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
+def mass_of(elements: Elements | None) -> StatedMass | None:
     """Add up the masses of the elements of a deck.
-
-    Parameters
-    ----------
-    path : Path
-        Deck, with or without executive and case control.
-    nodes : Nodes
-        Its grids.
 
     Returns
     -------
@@ -69,11 +62,6 @@ def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
         of mass), elements with curved edges, scalar masses beside those at one grid, tapered sections or ones of other
         shapes than BAR, BOX, ROD and TUBE, pyramids.
     """
-    return mass_of(stated_elements(path, nodes))
-
-
-def mass_of(elements: Elements | None) -> StatedMass | None:
-    """Add up the masses of the elements of a deck, as `deck_mass` does."""
     if elements is None or any(elements.cards.get(name) for name in _OTHERS):
         return None
     cards, nodes = elements.cards, elements.nodes
@@ -108,7 +96,7 @@ def grid_masses(path: Path, nodes: Nodes) -> Array | None:
     Returns
     -------
     (N, 6, 6) float64 or None
-        Masses of elements, and masses, offsets and inertias of CONM2; None where `deck_mass` gives none, elements have
+        Masses of elements, and masses, offsets and inertias of CONM2; None where `mass_of` gives none, elements have
         nodes between corners, or a CONM1 has an inertia.
     """
     elements = stated_elements(path, nodes)
