@@ -71,8 +71,6 @@ class BlockLanczos:
         Eigenvalues that are sought. A restart keeps 1.5 times as many Ritz vectors.
     deflated : (n, r) float64, optional
         Vectors orthonormal in M to which the basis stays orthogonal, such as rigid-body modes.
-    start : (n, s) float64, optional
-        Vectors in the range of the operator from which the first block is combined; random vectors by default.
 
     Notes
     -----
@@ -92,7 +90,6 @@ class BlockLanczos:
         columns: int,
         sought: int,
         deflated: Array | None = None,
-        start: Array | None = None,
     ) -> None:
         self._operator, self._mass = operator, mass
         self._random = np.random.default_rng(_SEED)
@@ -104,7 +101,7 @@ class BlockLanczos:
         self._V = SearchSpace(n)
         self._T = np.empty((0, 0))
         # The newest block, not yet in the basis, with its coefficients before orthonormalisation; then the last block.
-        self._X, self._MX, self._border = self._first(start)
+        self._X, self._MX, self._border = self._first()
         self._last = self._last_mass = np.empty((n, 0))
 
     @property
@@ -175,15 +172,11 @@ class BlockLanczos:
         self._T = np.diag(ritz.theta[:retained])
         self._last = self._last_mass = self._last[:, :0]
 
-    def _first(self, start: Array | None) -> tuple[Array, Array, Array]:
+    def _first(self) -> tuple[Array, Array, Array]:
         """Block in the range of the operator, orthogonal to the deflated vectors."""
         n = self._V.n
-        if start is None:
-            # The rounding of a rough vector would spread to all others, so the operator smooths it first.
-            X = self._operator(self._mass(self._random.standard_normal((n, self._width))))
-        else:
-            X = start @ self._random.standard_normal((start.shape[1], self._width))
-        X = by_rows(X)
+        # The rounding of a rough vector would spread to all others, so the operator smooths it first.
+        X = by_rows(self._operator(self._mass(self._random.standard_normal((n, self._width)))))
         MX = self._mass(X)
         for _ in range(_PASSES if self._deflated.size else 1):
             X, MX = self._cleared(X, MX)

@@ -103,7 +103,6 @@ def certified_modes(
     rigid: Array | None = None,
     solve: Solve | None = None,
     count: int | None = None,
-    start: Array | None = None,
     tolerance: float = CONVERGED,
     rounding: float = 2.0**-53,
 ) -> CertifiedModes:
@@ -121,8 +120,6 @@ def certified_modes(
         Solves K x = b (elastic flexibility for a free body), to save a factorisation.
     count : int, optional
         Result of `count_below`, to save a factorisation.
-    start : (n, s) float64, optional
-        Static shapes (responses to some loads) from which the search starts.
     tolerance : float
         Twice the relative error of a frequency at which the search ends.
     rounding : float
@@ -153,9 +150,7 @@ def certified_modes(
         if rough is not None and wanted <= SLICED:
             modes = corrected_modes(K, M, rough, _reach(omega) ** 2 * (1 + STEPPED), wanted, tolerance, none)
         if modes is None:
-            modes = counted_modes(
-                K, M, _reach(omega), wanted, rigid=none, solve=solve, start=start, tolerance=tolerance
-            )
+            modes = counted_modes(K, M, _reach(omega), wanted, rigid=none, solve=solve, tolerance=tolerance)
         found = CertifiedModes(np.sqrt(modes.lam), modes.X, modes.bound)
     w, X, bound = found
     k = int(np.count_nonzero(w <= omega * (1 + _AT_CUTOFF)))

@@ -65,7 +65,6 @@ def modes_about(
     solve: Operator,
     mass: Operator,
     deflated: Array,
-    start: Array | None = None,
     tolerance: float = CONVERGED,
 ) -> ShiftedModes | None:
     """Modes nearest to a shift: all counted below it, and those above it up to the first that has not converged.
@@ -79,8 +78,6 @@ def modes_about(
         Product with M.
     deflated : (n, d) float64
         Known modes, orthonormal in M: rigid ones, and those of a neighbouring window.
-    start : (n, s) float64, optional
-        Static shapes from which the search starts.
     tolerance : float
         Relative residual at which a Ritz value is an eigenvalue.
 
@@ -92,12 +89,12 @@ def modes_about(
     found: list[Array] = []
     theta, missing, complete, spare = np.empty(0), window, False, 0
     while not complete:
-        run = _run(missing, spare, solve, mass, np.hstack([deflated, *found]), start, tolerance)
+        run = _run(missing, spare, solve, mass, np.hstack([deflated, *found]), tolerance)
         if run is None:
             return None
         # One run finds one copy of a repeated mode for each column of a block. The next run finds further copies.
         X, new, complete = run
-        found, theta, start = [*found, X], np.concatenate([theta, new]), None
+        found, theta = [*found, X], np.concatenate([theta, new])
         if not new.size:
             if complete or spare >= _MOST_SPARE:
                 break
@@ -126,7 +123,6 @@ def _run(
     solve: Operator,
     mass: Operator,
     deflated: Array,
-    start: Array | None,
     tolerance: float,
 ) -> tuple[Array, Array, bool] | None:
     """Modes (n, k) of a window from one Lanczos run, their Ritz values (k,), and True if none is missing."""
@@ -138,7 +134,6 @@ def _run(
         columns=2 * (window.enough + spare) + _BLOCKS * _BLOCK,
         sought=window.enough + spare,
         deflated=deflated,
-        start=start,
     )
     due = 0
     for _ in range(_PATIENCE * (1 + window.enough // _BLOCK)):

@@ -149,7 +149,6 @@ def counted_modes(
     *,
     rigid: Array,
     solve: Operator,
-    start: Array | None = None,
     share: int | None = None,
     tolerance: float = CONVERGED,
 ) -> ShiftedModes:
@@ -167,8 +166,6 @@ def counted_modes(
         Rigid-body modes, orthonormal in M.
     solve : callable
         Solves K x = b (elastic flexibility for a free body). The lowest slice has the shift zero and uses this solve.
-    start : (n, s) float64, optional
-        Static shapes from which the search starts.
     share : int, optional
         Modes of a slice. By default up to `SLICED` modes are one slice.
     tolerance : float
@@ -206,7 +203,7 @@ def counted_modes(
             )
         window = Window(shift.sigma, low, high, below, above, min(max(part, below), below + above))
         deflated = np.hstack([rigid, known.near(shift.sigma, low)])
-        modes = modes_about(window, shift.solve, mass, deflated, start, tolerance)
+        modes = modes_about(window, shift.solve, mass, deflated, tolerance)
         if modes is None:
             # Releases the factor first: memory holds one at a time.
             aside, shift = shift.sigma * (1 - _ASIDE * (1 + attempt)), lowest
@@ -224,7 +221,7 @@ def counted_modes(
         del modes, deflated
         if known.lam.size >= wanted:
             return _joined(K, M, known)
-        part, start, shift = _part(wanted - known.lam.size, share), None, lowest
+        part, shift = _part(wanted - known.lam.size, share), lowest
         shift = _next(K, M, known, low, (high, wanted), part, rigid.shape[1])
     raise MatrixError(f"{wanted} modes lie below {omega / 2 / np.pi:.6g} Hz but {known.lam.size} were found")
 

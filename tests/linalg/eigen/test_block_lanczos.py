@@ -144,26 +144,6 @@ def test_two_runs_are_identical():
     assert np.array_equal(first[1], second[1])
 
 
-@pytest.mark.parametrize("shapes", [1, 3, 16])
-def test_a_start_from_modes_finds_them_in_one_step(shapes):
-    K, lam = grid(700, 1)
-    _, X = la.eigh_tridiagonal(K.diagonal(), K.diagonal(-1), select="i", select_range=(0, 2 * shapes))
-    start = X[:, ::2][:, :shapes]
-    lanczos = BlockLanczos(factorise(K), lambda Y: Y.copy(), 700, block=16, columns=200, sought=8, start=start)
-    lanczos.step()
-    np.testing.assert_allclose(lanczos.ritz().theta, 1 / lam[: 2 * shapes : 2], rtol=1e-9)
-    assert lanczos.exhausted
-
-
-def test_a_start_from_static_shapes_finds_all_modes():
-    K, lam = grid(700, 1)
-    solve = factorise(K)
-    start = solve(np.eye(700)[:, ::10])
-    lanczos = BlockLanczos(solve, lambda Y: Y.copy(), 700, block=16, columns=200, sought=8, start=start)
-    theta, _ = largest(lanczos, 8, (1 / lam[7] + 1 / lam[8]) / 2)
-    np.testing.assert_allclose(theta, 1 / lam[:8], rtol=1e-10)
-
-
 def test_a_residual_bounds_the_distance_to_an_eigenvalue():
     """The basis has at most 36 columns, so that restarts are included."""
     K, lam = plate(20)
