@@ -53,7 +53,7 @@ def row(cells: tuple[int, int, int], law: str) -> str:
     braked = sub.D is not None and abs(sub.D @ rigid).max() > 0
     Z = DynamicStiffness(sub.K, sub.M, sub.D, sub.loss)
     F = L.T if braked else L.T - sub.M @ (rigid @ (rigid.T @ L.T))
-    model = adaptive_flexibility(Z, F, omega, rigid=rigid, braked=braked)
+    model = adaptive_flexibility(Z, F, omega, rigid=rigid, damped_rigid=braked)
     unsure = int(np.count_nonzero(model(omega).error > 1e-6))
     peaks = 1 / np.sqrt(model.mass[model.stiffness > 0])
     peaks = peaks[peaks < omega[-1]]

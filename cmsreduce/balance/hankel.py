@@ -33,15 +33,13 @@ _LARGEST = 100
 _CUTS = 64
 
 
-def hankel_values(channels: ModalChannels, band: Band | None = None) -> Array:
+def hankel_values(channels: ModalChannels) -> Array:
     """Exact Hankel singular values of a body's elastic modes between its channels, all modes together.
 
     Parameters
     ----------
     channels : ModalChannels
         e damped modes.
-    band : (float, float), optional
-        Limits of the Gramians in rad/s.
 
     Returns
     -------
@@ -53,7 +51,7 @@ def hankel_values(channels: ModalChannels, band: Band | None = None) -> Array:
     DampingError
         If a mode has no damping.
     """
-    W, V = controllability(channels, band), observability(channels, band)
+    W, V = controllability(channels), observability(channels)
     return hankel_singular_values(semidefinite_root(W), semidefinite_root(V))
 
 

@@ -221,7 +221,6 @@ def fit_shapes(
     start: Shapes,
     limits: Sequence[ResponseLimits],
     steps: int,
-    enough: float = -np.inf,
     measure: Misfit = misfit,
 ) -> SceneFit:
     """Optimise the subspace of each body for the responses of all configurations together.
@@ -234,12 +233,10 @@ def fit_shapes(
     limits : ResponseLimits
     steps : int
         Most steps of L-BFGS.
-    enough : float
-        Misfit at which to stop.
     measure : callable
         `misfit`, or `decibel_misfit`.
     """
-    from scipy.optimize import OptimizeResult, minimize
+    from scipy.optimize import minimize
 
     sizes = {name: V.shape for name, V in start.items()}
     ends = np.cumsum([rows * columns for rows, columns in sizes.values()])[:-1]
@@ -257,17 +254,12 @@ def fit_shapes(
             return np.inf, np.zeros_like(x)
         return J, np.concatenate([(gradient[name] / scene.bodies[name].omega[:, None]).ravel() for name in sizes])
 
-    def stop(intermediate_result: OptimizeResult) -> None:
-        if intermediate_result.fun <= enough:
-            raise StopIteration
-
     x = np.concatenate([(np.linalg.qr(scene.bodies[name].omega[:, None] * V)[0]).ravel() for name, V in start.items()])
     found = minimize(
         value,
         x,
         jac=True,
         method="L-BFGS-B",
-        callback=stop,
         options={"maxiter": steps, "maxfun": 2 * steps, "maxcor": _MEMORY, "ftol": 0.0, "gtol": 0.0},
     )
     return SceneFit(

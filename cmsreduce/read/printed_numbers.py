@@ -171,7 +171,7 @@ def printed_rounding(texts: Sequence[str], field: int | None = None) -> NDArray[
     return out
 
 
-def coordinate_rounding(texts: Sequence[str], field: int | None = None) -> float:
+def coordinate_rounding(texts: Sequence[str]) -> float:
     """Largest rounding of printed coordinates.
 
     Numbers spread over the file are examined, because one program prints all of them. Coordinates without printed
@@ -179,7 +179,7 @@ def coordinate_rounding(texts: Sequence[str], field: int | None = None) -> float
     """
     # No multiple of three, which would leave out two of x, y and z.
     step = len(texts) // _COORDINATES
-    return float(printed_rounding(texts[:: max(1, step + (step % 3 == 0))], field).max(initial=0.0))
+    return float(printed_rounding(texts[:: max(1, step + (step % 3 == 0))]).max(initial=0.0))
 
 
 def decimals(path: Path, xyz: NDArray[np.float64]) -> list[str]:

@@ -65,7 +65,6 @@ def adaptive_flexibility(
     rigid: Real,
     damped_rigid: bool = False,
     rounding: float = 2.0**-53,
-    tolerance: float = RESPONSE_TOLERANCE,
 ) -> FlexibilityModel:
     """Build a flexibility model that is accurate at given frequencies; its own bound shows the accuracy between them.
 
@@ -83,13 +82,11 @@ def adaptive_flexibility(
         True if D acts on rigid motion, which is then a part of the response.
     rounding : float
         Relative rounding of the entries of K and M. An error no larger than what it moves the response by is accepted.
-    tolerance : float
-        Largest error, relative to ``Evaluation.size``.
 
     Returns
     -------
     FlexibilityModel
-        Best model found; its error bound may exceed the tolerance at some frequencies.
+        Best model found; its error bound may exceed `RESPONSE_TOLERANCE` at some frequencies.
 
     Raises
     ------
@@ -117,12 +114,12 @@ def adaptive_flexibility(
     grid = _sampled(omega, w)
     model = shapes.model(ceiling)
     for _ in range(_ROUNDS):
-        directions = _significant(model, grid, _SHARE * tolerance)
+        directions = _significant(model, grid, _SHARE * RESPONSE_TOLERANCE)
         if not directions.shape[1] or shapes.basis.shape[1] + directions.shape[1] > _MOST * Z.n:
             break
         shapes.add(shapes.toward(directions))
         model = shapes.model(ceiling)
-    _confirm(Z, load, shapes, model, omega, tolerance, rounding)
+    _confirm(Z, load, shapes, model, omega, rounding)
     return model
 
 
@@ -264,14 +261,14 @@ def _confirm(
     shapes: FlexibilityShapes,
     model: FlexibilityModel,
     omega: Real,
-    tolerance: float,
     rounding: float,
 ) -> None:
     """Measure the error with the body's matrices where its bound is largest, and at a random frequency."""
     detuned = model.detuning(omega)
     clear = omega[detuned >= min(_CLEAR, detuned.max())]
     error = np.concatenate([model(clear[part]).error for part in frequency_blocks(clear.size, model.bytes_each)])
-    clear, error = clear[error <= tolerance], error[error <= tolerance]
+    sure = error <= RESPONSE_TOLERANCE
+    clear, error = clear[sure], error[sure]
     if not clear.size:
         return
     random = np.random.default_rng(clear.size).integers(clear.size)
@@ -287,8 +284,8 @@ def _confirm(
         # Rounding dK of the stiffness moves the response by u^T dK u.
         explained = rounding * (abs(motion).T @ (abs(Z.K) @ abs(motion)))
         size = np.sqrt(found.size[0][:, None]) * np.sqrt(found.size[0])
-        measured = float((abs(difference) / np.maximum(size, explained / tolerance)).max())
-        if not measured <= tolerance:
+        measured = float((abs(difference) / np.maximum(size, explained / RESPONSE_TOLERANCE)).max())
+        if not measured <= RESPONSE_TOLERANCE:
             raise UnconfirmedError(
                 f"the flexibility model errs by {measured:.1e} at {w / 2 / np.pi:.6g} Hz where its bound is "
                 f"{found.error[0]:.1e}"

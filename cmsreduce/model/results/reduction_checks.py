@@ -86,19 +86,17 @@ class GainSum:
         """Sum of the magnitudes of all gains (outputs, inputs)."""
         return np.asarray(abs(self.gain).sum(axis=0) + abs(self.static))
 
-    def high_gain_modes(self, band_hz: float, share: float = _HIGH) -> Iterator[HighGain]:
+    def high_gain_modes(self, band_hz: float) -> Iterator[HighGain]:
         """Modes above the band with a large part of the gain, pair by pair, largest first.
 
         Parameters
         ----------
         band_hz : float
             Highest frequency of interest.
-        share : float
-            Smallest part of the sum of magnitudes, static modes included, for which a mode is listed.
         """
         size = self.size
         part = abs(self.gain) / np.where(size > 0, size, 1.0)
-        found = np.argwhere((part >= share) & (self.hz > band_hz)[:, None, None])
+        found = np.argwhere((part >= _HIGH) & (self.hz > band_hz)[:, None, None])
         for k, y, u in sorted(found.tolist(), key=lambda at: -part[tuple(at)]):
             yield HighGain(k, y, u, float(self.hz[k]), float(self.gain[k, y, u]), float(part[k, y, u]))
 

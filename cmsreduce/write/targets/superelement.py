@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,15 +48,13 @@ class Superelement:
     loss: Array | None
 
 
-def superelement(component: ComponentFile, faces: Collection[str] | None = None) -> Superelement:
+def superelement(component: ComponentFile) -> Superelement:
     """Express a component's modes as constraint modes of its interfaces and fixed-interface modes of the same space.
 
     Parameters
     ----------
     component : ComponentFile
         m modes.
-    faces : collection of str, optional
-        Interfaces whose dofs are kept; by default all.
 
     Raises
     ------
@@ -69,7 +66,7 @@ def superelement(component: ComponentFile, faces: Collection[str] | None = None)
     A constraint mode is the shape of least strain energy for a unit displacement of one interface dof. No stiffness
     couples it to the fixed-interface modes (Craig and Bampton, 1968).
     """
-    interface, shapes = _interface(component, component.interfaces if faces is None else faces)
+    interface, shapes = _interface(component)
     K, M, D = (component.arrays[f"modes/{name}"] for name in ("stiffness", "mass", "damping"))
     loss = component.arrays.get("modes/loss")
     psi = _constraint_modes(component, shapes, np.diag(K))
@@ -96,7 +93,7 @@ def _change(A: Array, T: Array) -> Array:
     return np.asarray(0.5 * (B + B.T))
 
 
-def framed_superelement(component: ComponentFile, faces: Collection[str] | None = None) -> Superelement:
+def framed_superelement(component: ComponentFile) -> Superelement:
     """Superelement in SI for programs that join frames of six dofs: x y z rx ry rz of each node, along the basic axes.
 
     Modes without mass are left out. No load of such a program acts on them and no mass or stiffness couples them to
@@ -106,8 +103,6 @@ def framed_superelement(component: ComponentFile, faces: Collection[str] | None 
     ----------
     component : ComponentFile
         m modes.
-    faces : collection of str, optional
-        Interfaces whose dofs are kept; by default all.
 
     Raises
     ------
@@ -115,7 +110,7 @@ def framed_superelement(component: ComponentFile, faces: Collection[str] | None 
         As `superelement` does; and if an interface node has fewer than six dofs, damping is a complex stiffness, or
         damping couples a mode without mass to the rest.
     """
-    body = superelement(component, faces)
+    body = superelement(component)
     _require_frames(component, body.interface)
     if body.loss is not None:
         raise WriteError(
@@ -167,9 +162,9 @@ def _to_basic_metres(component: ComponentFile, body: Superelement) -> Array:
     return T
 
 
-def _interface(component: ComponentFile, faces: Collection[str]) -> tuple[DofTable, Array]:
-    """Dofs of interfaces, each once, and their rows of the shapes (i, m)."""
-    names = [f"interfaces/{name}" for name in faces]
+def _interface(component: ComponentFile) -> tuple[DofTable, Array]:
+    """Dofs of the interfaces, each once, and their rows of the shapes (i, m)."""
+    names = [f"interfaces/{name}" for name in component.interfaces]
     if not names:
         raise WriteError(f"component '{component.name}': a superelement needs interfaces, and this body has none")
     node = np.concatenate([component.arrays[f"{name}/node"] for name in names])
