@@ -6,14 +6,7 @@ Matrix algorithms without a mechanical meaning belong in `linalg`; checks with a
 """
 
 from cmsreduce.mechanics.bars import end_dofs, member_stiffness
-from cmsreduce.mechanics.dissipation import (
-    LeastDamping,
-    least_damping,
-    multiple_of,
-    refuse_gain,
-    refuse_overdamped,
-    without_drag,
-)
+from cmsreduce.mechanics.dissipation import least_damping, refuse_gain, refuse_overdamped, without_drag
 from cmsreduce.mechanics.floating_frames import REMOVED, best_fit, fitted_motion, floating_frame
 from cmsreduce.mechanics.frame_change import (
     integrals_about,
@@ -39,7 +32,6 @@ __all__ = [
     "Determined",
     "IMPLICIT",
     "INTEGRATORS",
-    "LeastDamping",
     "MassPoints",
     "REMOVED",
     "Tie",
@@ -65,7 +57,6 @@ __all__ = [
     "modal_integrals",
     "modal_stiffening",
     "moves_generalised",
-    "multiple_of",
     "numerical_damping",
     "of_combined_modes",
     "refuse_gain",

@@ -10,7 +10,7 @@ from cmsreduce.simulate.motion import Motion, simulate_scene
 from cmsreduce.simulate.scene import scene_system
 from cmsreduce.simulate.speed import measured_speed
 from cmsreduce.simulate.system import MultibodySystem
-from cmsreduce.simulate.time_step import Method, integrate, longest_step
+from cmsreduce.simulate.time_step import Method
 
 __all__ = [
     "FloatingBody",
@@ -22,8 +22,6 @@ __all__ = [
     "Pulse",
     "Slew",
     "Stretch",
-    "integrate",
-    "longest_step",
     "measured_speed",
     "scene_system",
     "simulate_scene",

@@ -34,7 +34,6 @@ from cmsreduce.verify.frequency_grids import bent_intervals, decibel_grid, frequ
 from cmsreduce.verify.input_rounding import frequency_error_bars, rigid_motions_proof
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
-    FreeMass,
     MassProperties,
     PrincipalInertia,
     free_mass,
@@ -85,7 +84,6 @@ __all__ = [
     "FrequencyPairs",
     "Grounding",
     "LightDofs",
-    "FreeMass",
     "MassProperties",
     "ModePairing",
     "PERCENTILE",

@@ -5,7 +5,7 @@ The joined system belongs in `pipeline.system`.
 """
 
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, in_scene, probing_loads, read_flexible
-from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_proof, damping_remark
+from cmsreduce.pipeline.bodies.body_damping import damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
 from cmsreduce.pipeline.bodies.body_proofs import RIGID_MOTIONS
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
@@ -30,7 +30,6 @@ from cmsreduce.pipeline.bodies.wireframe import cells_of, wireframe
 __all__ = [
     "ALL_MODES_LIMIT",
     "BodyHealth",
-    "DampingHealth",
     "FlexibleBody",
     "ProvenBody",
     "REDUCED_FILES",

@@ -23,38 +23,20 @@ from cmsreduce.pipeline.results.floating_bodies import floating_bodies, floating
 from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_table
 from cmsreduce.pipeline.results.inspected_models import inspected_body, inspected_system
 from cmsreduce.pipeline.results.limits import read_limits
-from cmsreduce.pipeline.results.mass_and_frame import (
-    body_totals,
-    file_totals,
-    frame_lines,
-    frame_of,
-    integral_frame_of,
-    outboard_of,
-    total_data,
-    total_lines,
-)
+from cmsreduce.pipeline.results.mass_and_frame import body_totals, file_totals, frame_lines, total_data, total_lines
 from cmsreduce.pipeline.results.measured_costs import measured_costs
 from cmsreduce.pipeline.results.multibody_scene import multibody_scene
 from cmsreduce.pipeline.results.page import show_summary, write_report
-from cmsreduce.pipeline.results.result import component_checks, run_result, with_failures
+from cmsreduce.pipeline.results.result import run_result, with_failures
 from cmsreduce.pipeline.results.run_difference import run_difference
-from cmsreduce.pipeline.results.step_advice import body_costly_modes, file_rounding
-from cmsreduce.pipeline.results.units import (
-    channel_quantities,
-    convert_file,
-    convert_system,
-    unit_paths,
-    without_binary,
-)
+from cmsreduce.pipeline.results.step_advice import file_rounding
+from cmsreduce.pipeline.results.units import convert_file, convert_system, unit_paths, without_binary
 
 __all__ = [
     "inspected_body",
     "inspected_system",
-    "body_costly_modes",
     "body_totals",
-    "channel_quantities",
     "check_result",
-    "component_checks",
     "convert_file",
     "convert_system",
     "effective_mass_data",
@@ -68,12 +50,9 @@ __all__ = [
     "floating_bodies",
     "floating_body",
     "frame_lines",
-    "frame_of",
     "health_table",
-    "integral_frame_of",
     "measured_costs",
     "multibody_scene",
-    "outboard_of",
     "read_limits",
     "refuse_model_file",
     "refuse_other_summary",

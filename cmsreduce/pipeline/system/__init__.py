@@ -5,16 +5,15 @@ The choice of modes belongs in `pipeline.choose`.
 """
 
 from cmsreduce.pipeline.system.assembled import AssembledModel, highest_frequency
-from cmsreduce.pipeline.system.between import errors_between, midpoint_configurations
+from cmsreduce.pipeline.system.between import midpoint_configurations
 from cmsreduce.pipeline.system.candidates import Candidates, system_errors
-from cmsreduce.pipeline.system.closed_loop import ClosedLoop, closed_loop
+from cmsreduce.pipeline.system.closed_loop import closed_loop
 from cmsreduce.pipeline.system.comparison import Comparison
-from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
-from cmsreduce.pipeline.system.controlled import controller_margins
+from cmsreduce.pipeline.system.completeness import completeness_note
 from cmsreduce.pipeline.system.measure import MODEL, ModelMeasure
 from cmsreduce.pipeline.system.peaks import peaks
 from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality, mass_products
-from cmsreduce.pipeline.system.reduction_health import UnitLoads, channel_gains, reduction_checks, unit_loads
+from cmsreduce.pipeline.system.reduction_health import UnitLoads, channel_gains, unit_loads
 from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
 from cmsreduce.pipeline.system.simulation_cost import reduced_cost, selection_cost
 from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy
@@ -22,7 +21,6 @@ from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, sy
 __all__ = [
     "AssembledModel",
     "Candidates",
-    "ClosedLoop",
     "Comparison",
     "MODEL",
     "ModelMeasure",
@@ -31,19 +29,15 @@ __all__ = [
     "SystemRoots",
     "Target",
     "UnitLoads",
-    "axis_completeness",
     "channel_gains",
     "closed_loop",
     "completeness_note",
-    "controller_margins",
     "cross_orthogonality",
-    "errors_between",
     "highest_frequency",
     "mass_products",
     "midpoint_configurations",
     "peaks",
     "reduced_cost",
-    "reduction_checks",
     "selection_cost",
     "stability_proof",
     "system_errors",
