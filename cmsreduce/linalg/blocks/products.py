@@ -116,7 +116,7 @@ def _scipy_product(columns: sp.csc_array) -> Product:
 def absolute_product(A: sp.csc_array) -> Product:
     """Product of the absolute values of a symmetric matrix, (n, n), with blocks of vectors.
 
-    They are made for a few rows at a time, which stay in the cache: a copy of all entries takes longer than a product.
+    They are made for a few rows at a time: those of all entries would take as much memory as the entries themselves.
     """
 
     def product(X: Array) -> Array:
