@@ -17,7 +17,7 @@ from cmsreduce.pipeline import inspected
 from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.pipeline.results import check_result, read_limits
 from cmsreduce.read import (
-    deck_mass,
+    deck_statement,
     matrix_names,
     read_bars,
     read_cells,
@@ -237,7 +237,7 @@ def actions(path: Path) -> list[Callable[[], object]]:
         found += [
             *(lambda read=read: read(path) for read in (read_cells, read_bars)),
             *(lambda read=read: read(path, read_geometry(path).nodes) for read in (read_members, read_followers)),
-            lambda: deck_mass(path, read_geometry(path).nodes),
+            lambda: deck_statement(path, (nodes := read_geometry(path).nodes), np.ones(len(nodes), dtype=bool)),
             lambda: draft_body("body", body),
         ]
         return found
