@@ -17,8 +17,8 @@ __all__ = ["facing_places"]
 
 Array = NDArray[np.float64]
 
-# Nodes off their plane, relative to the radius of the face; the cosine between two planes; the distance of two centres,
-# relative to the smaller radius: a mesh that is finer on one side moves the mean of its nodes.
+# Nodes off their plane, or planes from each other, relative to the radius of a face; the cosine between two planes; the
+# distance of two centres, relative to the smaller radius: a mesh that is finer on one side moves the mean of its nodes.
 _FLAT, _PARALLEL, _NEAR = 1e-3, 0.9999, 0.25
 
 
@@ -59,8 +59,9 @@ def facing_places(
     for one, other in combinations(bodies, 2):
         found: list[tuple[float, int, Place, Place, Array]] = []
         for (mine, a), (theirs, b) in product(faces[one], faces[other]):
-            gap = float(np.linalg.norm(a.centre - b.centre))
-            if a.normal @ b.normal < -_PARALLEL and gap <= _NEAR * min(a.radius, b.radius):
+            apart, radius = a.centre - b.centre, min(a.radius, b.radius)
+            gap, touching = float(np.linalg.norm(apart)), abs(apart @ a.normal) <= _FLAT * radius
+            if touching and a.normal @ b.normal < -_PARALLEL and gap <= _NEAR * radius:
                 found.append((gap, len(found), mine, theirs, (a.centre + b.centre) / 2))
         if found:
             gap, _, mine, theirs, point = min(found, key=lambda each: each[:2])

@@ -63,7 +63,7 @@ def test_the_point_is_in_the_units_of_each_body() -> None:
 
 @pytest.mark.parametrize(
     "far",
-    [moved(FAR, (0, 0.02, 0)), moved(FAR, (0, 0, 0), 2.0), moved(FAR, (-SIDES[0], 0, 0)), moved(FAR, (0.05, 0, 0))],
+    [moved(FAR, (0, 0.02, 0)), moved(FAR, (0, 0, 0), 2.0), moved(FAR, (-SIDES[0], 0, 0)), moved(FAR, (1e-3, 0, 0))],
     ids=["beside it", "at an angle", "in one place", "apart"],
 )
 def test_faces_that_do_not_lie_against_each_other_make_none(far: FEModel) -> None:
