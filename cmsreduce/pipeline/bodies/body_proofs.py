@@ -238,6 +238,8 @@ def _mass(
     wrong = f"{negative} motions have negative energy" if negative else ""
     modal = order.status == "modal"
     ordered, evidence = modal or order.status == "proven", order.remark
+    # At a corner of a mesh, nodes of one element alone couple with the same nodes; the order of all others is proven.
+    most = order.status == "alike" and order.alike <= _FEW * order.nodes
     free = rows.motions == _ALL_MOTIONS
     if stated is not None:
         found, by_deck = _mass_by_deck(body, stated, free, order)
@@ -247,9 +249,9 @@ def _mass(
     # Masses beside their grids, once they are found as stated, would hide the moments of the rest.
     stated_points = stated is not None and any(check.name.startswith("inertia of each") for check in checks)
     rest = without_points(body, stated.points) if stated is not None and stated_points else body.M
-    toward = moments_toward_neighbours(body, rest) if ordered and not modal else None
+    toward = moments_toward_neighbours(body, rest) if (ordered or most) and not modal else None
     if toward is not None and toward.as_given < max(_TOWARD, toward.best - _BETTER):
-        ordered = False
+        ordered = most = False
         other = "rows in reverse, of another sign or in another frame"
         if toward.best - _BETTER > toward.as_given:
             other = f"another order of axes ({toward.best:.2f} with {toward.order} in place of x, y, z)"
@@ -259,8 +261,8 @@ def _mass(
         )
     if not ordered and free and exchanges_hidden(body) == 0:
         ordered, evidence = True, "an exchange of any two nodes would leave no centre of mass"
-    if ordered and not modal and (count := generalised_coordinates(body)):
-        ordered = False
+    if (ordered or most) and not modal and (count := generalised_coordinates(body)):
+        ordered = most = False
         evidence = f"{evidence}; nothing shows the order of the {count} generalised coordinates that move mass"
     failed = [check for check in checks if not check.passed]
     if failed or wrong:
@@ -273,8 +275,6 @@ def _mass(
     def compare() -> str:
         return f"compare {density and f'{density}, '}{_figures(whole)}"
 
-    # At a corner of a mesh, nodes of one element alone couple with the same nodes; the order of all others is proven.
-    most = not ordered and evidence == order.remark and 0 < order.alike <= _FEW * order.nodes
     if not ordered and not most:
         return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; {compare()}")
     if negative is None:
@@ -284,7 +284,8 @@ def _mass(
     deck += "" if amount else f"; no deck states its amount, which is not proven: {compare()}"
     if not any("same mass" in check.name for check in checks):
         deck += "; the body is held, so that its masses along x, y, z are not compared"
-    only = "most nodes" if most and amount else "order of most nodes" if most else "" if amount else "order"
+    whose = "" if ordered else "most nodes"
+    only = whose if amount else f"order of {whose}" if whose else "order"
     return checks, Proof("mass", "proven", digits, f"{evidence}{deck}{apart}", only=only)
 
 
