@@ -30,8 +30,9 @@ Array = NDArray[np.float64]
 _STEPS = 40
 # Rounds before a number of shapes is given up; fewer where a few shapes were left out of a set that passes.
 _ROUNDS, _FEW_ROUNDS = 8, 4
-# Rounds without a better set after which the optimisation ends.
-_PATIENCE = 3
+# Rounds without a better set after which the optimisation ends; where a single error counts, whose weight changes no
+# optimum, after one that leaves more than this share of it.
+_PATIENCE, _STALLED = 3, 0.99
 # A given number of shapes is also reached from this many times as many, and in the end, with more patience, from more
 # after so many steps.
 _MORE, _MOST, _MOST_STEPS = 1.3, 1.4, 300
@@ -214,9 +215,11 @@ class ShapeSearch:
                 change = np.clip(_AIM / errors, *_ROUND_CHANGE)
                 self.factors = np.clip(self.factors * change, *_ALL_CHANGE)
             fit = self._fitted(shapes, _STEPS if decibels is None else _DECIBEL_STEPS, decibels)
-            shapes, judged, since = fit.shapes, self.judge(fit.shapes), since + 1
+            before, shapes, judged, since = judged.worst, fit.shapes, self.judge(fit.shapes), since + 1
             if judged.worst < best.judged.worst:
                 best, since = Settled(fit.shapes, judged, self.steps), 1
+            if count == 1 and np.isinf(self.limits.db_error) and judged.worst > _STALLED * before:
+                break
         return replace(best, steps=self.steps)
 
     def _patience(self, best: Settled) -> int:

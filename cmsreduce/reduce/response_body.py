@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -10,7 +11,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import by_columns
+from cmsreduce.linalg.blocks import by_columns, symmetric_product
 from cmsreduce.linalg.response import DynamicStiffness, ResonanceError
 from cmsreduce.linalg.sparse import BLOCK, NotPositiveDefiniteError, factorise
 from cmsreduce.model import FEModel, Substructure
@@ -28,6 +29,10 @@ _NEW = 1e-6
 _DEPENDENT = 1e-10
 # A mode of less mass than this share of the heaviest one's responds statically in any band.
 _NO_MASS = 1e-14
+# Responses are found without a factor of their own when their residual has this share of their strain energy's root: a
+# receptance then errs by the square. So many columns of a three-dimensional solid are solved for, with the products
+# that belong to them, in the time of a factorisation: this number times the power 2/3 of its dofs.
+_SOLVED, _COLUMNS = 1e-5, 0.05
 
 
 class ResponseBody:
@@ -44,7 +49,7 @@ class ResponseBody:
     acting : (p, q) float64
         Orthonormal combinations of the motions of these points on which forces act, or that are measured.
     loads : (n, l) float64 or sparse array
-        Loads whose static shapes are the first shapes.
+        Further loads whose static shapes are, with those of the acting forces, the first shapes.
     interface : (i,) int64, optional
         Rows of the interface, as of `elastic_solve`.
 
@@ -66,14 +71,16 @@ class ResponseBody:
     ) -> None:
         self.body, self.rigid, self._alone = body, rigid, alone
         self._flexibility = elastic_solve(body, rigid, interface)
+        self._stiffness, self._mass = symmetric_product(body.K), symmetric_product(body.M)
         self._momentum = np.asarray(body.M @ rigid)
         self._motions = sp.csr_array(sp.vstack([sp.csr_array(rows) for rows in alone.motion.values()]))
         self.acting = acting
-        force = np.asarray(self._motions.T @ acting)
-        self.force = force - self._momentum @ (rigid.T @ force)
+        force = self._motions.T @ sp.csr_array(acting)
+        self.force = np.asarray(force.toarray() - self._momentum @ (rigid.T @ force))
         self.shapes, self._inertia = np.empty((body.n, 0)), np.empty((body.n, 0))
         self._energy = {power: np.empty((0, 0)) for power in (1, 2, 3)}
-        self._append(residual_shapes(self._flexibility, body.K, loads, self.shapes)[0])
+        every = sp.csc_array(sp.hstack([sp.csc_array(loads), sp.csc_array(force)]))
+        self._append(residual_shapes(self._flexibility, body.K, every, self.shapes)[0])
 
     @property
     def count(self) -> int:
@@ -83,7 +90,7 @@ class ResponseBody:
     def add(self, X: Array) -> int:
         """Add the parts of elastic motions (n, c) that are new, and return their number."""
         before = self.count
-        self._append(self._beyond(X))
+        self._append(self._beyond(X, [self.shapes]))
         return self.count - before
 
     def add_inertia(self) -> int:
@@ -93,8 +100,8 @@ class ResponseBody:
     def responses(self, omega: float) -> Array | Complex:
         """Elastic responses of the body to unit ``acting`` forces at a frequency in rad/s (n, q).
 
-        Without a damping matrix K - w^2 M is factorised: a real shift, which spans the responses that are damped in
-        proportion, too.
+        Without a damping matrix they are those of K - w^2 M, a real shift, which spans the responses that are damped in
+        proportion, too: by static responses to inertia, or by a factor where that takes less time.
 
         Raises
         ------
@@ -102,17 +109,52 @@ class ResponseBody:
             If the frequency is a resonance to the last digit.
         """
         if self.body.D is None:
-            Z = sp.csc_array(self.body.K - omega**2 * self.body.M)
-            try:
-                solve = factorise(Z, definite=False, what=f"body '{self.body.name}': the dynamic stiffness")
-            except NotPositiveDefiniteError:
-                raise ResonanceError(omega) from None
-            X: Array | Complex = solve(self.force)
+            X: Array | Complex | None = self._by_inertia(omega)
+            if X is None:
+                Z = sp.csc_array(self.body.K - omega**2 * self.body.M)
+                try:
+                    solve = factorise(Z, definite=False, what=f"body '{self.body.name}': the dynamic stiffness")
+                except NotPositiveDefiniteError:
+                    raise ResonanceError(omega) from None
+                X = solve(self.force)
         else:
             X = DynamicStiffness(self.body.K, self.body.M, self.body.D).solve(self.force, omega)
         if not np.isfinite(X).all():
             raise ResonanceError(omega)
         return np.asarray(X - self.rigid @ (self._momentum.T @ X))
+
+    def _by_inertia(self, omega: float) -> Array | None:
+        """Undamped responses by the flexibility alone, or None where a factor takes less time.
+
+        Notes
+        -----
+        X = G F + w^2 G M X. A Galerkin solution in some shapes Q leaves a residual that is known where G M Q is; what
+        it has beyond Q are the next shapes. This is the block Krylov space of G M, in which the modes that Q holds do
+        not slow it.
+        """
+        shapes, inertia, mass = [self.shapes], [self._inertia], self._energy[1]
+        steps, before = int(_COLUMNS * self.body.n ** (2 / 3)) // self.force.shape[1], 1.0
+        while steps >= 0:
+            # Static responses to the forces lie in the first shapes, and the others are orthogonal to these.
+            static = np.zeros((len(mass), self.force.shape[1]))
+            static[: self.count] = self.shapes.T @ self.force
+            try:
+                y = np.asarray(np.linalg.solve(np.eye(len(mass)) - omega**2 * mass, static), dtype=np.float64)
+            except np.linalg.LinAlgError:
+                return None
+            rest = _combined(shapes, static - y) + omega**2 * _combined(inertia, y)
+            energy = np.maximum(np.einsum("ij,ij->j", rest, self._stiffness(rest)), 0.0)
+            share = float(np.sqrt((energy / np.einsum("ij,ij->j", y, y)).max()))
+            if share <= _SOLVED:
+                return _combined(shapes, y)
+            if not share * (share / before) ** steps <= _SOLVED:
+                return None
+            steps, before = steps - 1, share
+            new = self._beyond(rest, shapes)
+            moved = self._mass(new)
+            shapes, inertia = [*shapes, new], [*inertia, self._flexibility(by_columns(moved))]
+            mass = _bordered(mass, np.vstack([V.T @ moved for V in shapes]))
+        return None
 
     def flexibility(self, omega: float, X: Array | Complex) -> Array | Complex:
         """Flexibility between the ``acting`` motions at a frequency (q, q), from the responses there."""
@@ -199,31 +241,35 @@ class ResponseBody:
     def _append(self, new: Array) -> None:
         if not new.shape[1]:
             return
-        body = self.body
-        moved = np.asarray(body.M @ new)
+        moved = self._mass(new)
         U = np.empty_like(new, order="F")
         for first in range(0, new.shape[1], BLOCK):
             part = slice(first, first + BLOCK)
             U[:, part] = self._flexibility(by_columns(moved[:, part]))
         self.shapes, self._inertia = np.hstack([self.shapes, new]), np.hstack([self._inertia, U])
-        pushed = np.asarray(body.M @ U)
+        pushed = self._mass(U)
         sides = {1: self.shapes.T @ moved, 2: self.shapes.T @ pushed, 3: self._inertia.T @ pushed}
         for power, side in sides.items():
             self._energy[power] = _bordered(self._energy[power], side)
 
-    def _beyond(self, X: Array) -> Array:
-        """Parts of elastic motions beyond the shapes, orthonormal in K; the second pass removes rounding."""
+    def _beyond(self, X: Array, shapes: Sequence[Array]) -> Array:
+        """Parts of elastic motions beyond some shapes, orthonormal in K; the second pass removes rounding."""
         least = _NEW
         for _ in range(2):
-            KX = np.asarray(self.body.K @ X)
+            KX = self._stiffness(X)
             size = np.sqrt(np.maximum(np.einsum("ij,ij->j", X, KX), np.finfo(float).tiny))
             X, KX = X / size, KX / size
-            held = self.shapes.T @ KX
-            X = X - self.shapes @ held
-            weight, E = la.eigh(X.T @ np.asarray(self.body.K @ X))
+            X = X - _combined(shapes, np.vstack([V.T @ KX for V in shapes]))
+            weight, E = la.eigh(X.T @ self._stiffness(X))
             own = weight > least
             X, least = X @ (E[:, own] / np.sqrt(weight[own])), 0.5
         return X
+
+
+def _combined(shapes: Sequence[Array], y: Array) -> Array:
+    """Combinations of shapes in several blocks."""
+    ends = np.cumsum([V.shape[1] for V in shapes])[:-1]
+    return np.asarray(sum(V @ part for V, part in zip(shapes, np.split(y, ends), strict=True)))
 
 
 def _bordered(A: Array, side: Array) -> Array:

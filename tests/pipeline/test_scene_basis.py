@@ -15,7 +15,7 @@ from cmsreduce.assemble import physical_substructure
 from cmsreduce.errors import ConfigError
 from cmsreduce.pipeline import Run
 from cmsreduce.project import ESTIMATE_FACTOR
-from cmsreduce.reduce import ResponseBody, reduction
+from cmsreduce.reduce import ResponseBody, reduction, response_body
 from tests.pipeline.random_solids import certified
 from tests.pipeline.study import CANTILEVER, Log, arm, panel
 from tests.solids import block
@@ -25,9 +25,10 @@ ALL = "balance={keep: all}"
 ONE_ANGLE = "scene.articulation={hinge: [0]}"
 
 
-def krylov(damped: bool = False) -> ResponseBody:
-    """A block held at one end, driven at two nodes at its other end."""
-    body = block("block", [0.6, 0.1, 0.12], [6, 2, 2], held=range(1, 10))
+def krylov(damped: bool = False, cells: tuple[int, int, int] = (6, 2, 2)) -> ResponseBody:
+    """A block held at one end, driven at two nodes beyond."""
+    held = range(1, 1 + (cells[1] + 1) * (cells[2] + 1))
+    body = block("block", [0.6, 0.1, 0.12], list(cells), held=held)
     if damped:
         body = type(body)("block", body.K, body.M, body.dofs, body.nodes, D=sp.csc_array(1e-4 * body.K + 5.0 * body.M))
     alone = physical_substructure(body, ["63", "60"], np.zeros((body.n, 0)))
@@ -57,11 +58,31 @@ def test_responses_make_the_flexibility_exact_at_their_frequency_and_its_slope_t
     assert error(1.001 * w) / error(1.0005 * w) == pytest.approx(4, rel=0.05)
 
 
+def test_a_large_body_responds_without_a_factor_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = krylov(cells=(24, 6, 6))
+    own.add_inertia()
+    resonances = np.sqrt(spla.eigsh(own.body.K, 6, own.body.M, sigma=0.0, return_eigenvectors=False)) / (2 * np.pi)
+    low, high, exact, factors = 0.9 * resonances.min(), 1.02 * resonances.max(), {}, []
+    for hz in (low, high):
+        w = 2 * np.pi * hz
+        exact[hz] = spla.spsolve(sp.csc_matrix(own.body.K - w**2 * own.body.M), own.force)
+    made = response_body.factorise
+    monkeypatch.setattr(response_body, "factorise", lambda *args, **named: factors.append(args) or made(*args, **named))
+    for hz, count in ((low, 0), (high, 1)):
+        X, w = np.asarray(own.responses(2 * np.pi * hz)), 2 * np.pi * hz
+        miss = X - exact[hz]
+        energy = [np.sum(each * (own.body.K @ each)) for each in (miss, exact[hz])]
+        assert energy[0] < 1e-8 * energy[1]
+        receptance = own.force.T @ exact[hz]
+        np.testing.assert_allclose(own.flexibility(w, X), receptance, rtol=0, atol=1e-8 * abs(receptance).max())
+        assert len(factors) == count
+
+
 def test_the_richer_model_is_that_of_the_shapes_and_their_residuals() -> None:
     own, w = krylov(), 2 * np.pi * 700.0
-    own.add(np.asarray(own.responses(2 * np.pi * 300.0)))
+    own.add(np.asarray(own.responses(2 * np.pi * 1500.0)))
     V = own.shapes
-    both = np.hstack([V, spla.spsolve(own.body.K, own.body.M @ V)])
+    both = la.orth(np.hstack([V, spla.spsolve(own.body.K, own.body.M @ V)]), rcond=1e-10)
     both /= np.sqrt(np.sum(both * (own.body.K @ both), axis=0))
     K, M = both.T @ (own.body.K @ both), both.T @ (own.body.M @ both)
     seen = both.T @ own.force

@@ -179,15 +179,22 @@ def test_shapes_are_never_more_than_the_modes_that_are_known_to_pass(monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("worst", "kind", "fits"), [(3.0, ShapeSearch, 4), (3.0, RangeSearch, 2), (1.5, RangeSearch, 4)]
+    ("worst", "kind", "decibels", "fits"),
+    [
+        (3.0, ShapeSearch, 1.0, 4),
+        (3.0, RangeSearch, 1.0, 2),
+        (1.5, RangeSearch, 1.0, 4),
+        # No weight of a single error leads on where a round did not.
+        (1.5, ShapeSearch, np.inf, 1),
+    ],
 )
-def test_a_search_of_a_range_gives_up_early_far_from_the_limits(monkeypatch, worst, kind, fits):
+def test_a_search_of_a_range_gives_up_early_far_from_the_limits(monkeypatch, worst, kind, decibels, fits):
     scene, _ = one_body(18)
     rounds = []
     fitted = ShapeSearch._fitted
     monkeypatch.setattr(ShapeSearch, "_fitted", lambda *args: rounds.append(args) or fitted(*args))
     judged = Judged(np.array([worst]), np.zeros(1), worst)
-    search = kind(scene, ResponseLimits(0.02, np.inf), lambda _: judged)
+    search = kind(scene, ResponseLimits(0.02, decibels), lambda _: judged)
     search.settled({"b": np.eye(10)[:, :3]}, 8)
     assert len(rounds) == fits
 

@@ -107,7 +107,7 @@ class SceneBasis:
             still = np.setdiff1d(np.arange(rows.shape[1]), self._wired.stack.moving(name))
             rows[:, still] = 0.0
             acting = _orthonormal_rows(rows)
-            loads = _static_loads(each, alone[name], acting)
+            loads = _static_loads(each)
             self.bodies[name] = ResponseBody(each.body, each.rigid, alone[name], acting, loads, each.ports.interface)
 
     def _fits(self, configuration: Configuration) -> bool:
@@ -292,14 +292,12 @@ def _orthonormal_rows(rows: Real) -> Real:
     return np.asarray(V[share > _SAME * share.max(initial=0.0)].T)
 
 
-def _static_loads(flexible: FlexibleBody, alone: Substructure, acting: Real) -> sp.csc_array:
-    """Unit forces at the interfaces, forces at joints and channels, and loads that the keys name."""
+def _static_loads(flexible: FlexibleBody) -> sp.csc_array:
+    """Unit forces at the interfaces, and loads that the keys name."""
     body = flexible.body
     rows = np.array([row for face in body.interfaces for row in body.interface_rows(face)], dtype=np.int64)
     units = sp.eye_array(body.n, format="csc")[:, np.unique(rows)]
-    motions = sp.csr_array(sp.vstack([sp.csr_array(part) for part in alone.motion.values()]))
-    parts = [units, sp.csc_array(motions.T @ sp.csr_array(acting)), sp.csc_array(flexible.ports.static_loads)]
-    return sp.csc_array(sp.hstack([part for part in parts if part.shape[1]]))
+    return sp.csc_array(sp.hstack([units, sp.csc_array(flexible.ports.static_loads)]))
 
 
 def _forces(rows: JoinedRows, G: Complex) -> tuple[Complex, Complex]:
