@@ -24,7 +24,7 @@ from cmsreduce.linalg.sparse.flexibility import (
     motions_held,
     rough_solve,
 )
-from cmsreduce.linalg.sparse.parts import hand_down_order, part, principal_part, share_order, shifted_matrix
+from cmsreduce.linalg.sparse.parts import hand_down_order, lend_order, part, principal_part, share_order, shifted_matrix
 from cmsreduce.linalg.sparse.refined_factor import RefinedFactor
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "determinate_dofs",
     "factorise",
     "hand_down_order",
+    "lend_order",
     "held_factor",
     "installed_backends",
     "motions_held",

@@ -145,7 +145,8 @@ class InterfaceLast:
         inner = coupling[inside]
         # Constraint modes Psi = -K_jj^-1 K_ji, and the stiffness that they condense to the interface.
         self._Psi = -by_columns(self.interior(inner.toarray()))
-        S, own = coupling[last].toarray() + inner.T @ self._Psi, K.diagonal()[last]
+        own = coupling[last].toarray()
+        S, own = own + inner.T @ self._Psi, own.diagonal()
         try:
             self._S = la.cholesky((S + S.T) / 2, lower=True)
         except la.LinAlgError:

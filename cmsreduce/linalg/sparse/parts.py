@@ -13,7 +13,7 @@ from cmsreduce.linalg.sparse.factorisation import LARGE, installed
 from cmsreduce.linalg.sparse.lower_triangle import nonzero_pattern
 from cmsreduce.multifrontal import dissection_installed, nested_dissection
 
-__all__ = ["hand_down_order", "part", "principal_part", "share_order", "shifted_matrix"]
+__all__ = ["hand_down_order", "lend_order", "part", "principal_part", "share_order", "shifted_matrix"]
 
 # Columns in a block: temporary arrays stay in the cache, and take no new memory.
 _COLUMNS = 4096
@@ -109,6 +109,21 @@ def hand_down_order(inner: sp.csc_array, rows: NDArray[np.integer[Any]], order: 
     place[rows] = np.arange(rows.size)
     sequence = place[order]
     current_settings().orders.store(*nonzero_pattern(inner), sequence[sequence >= 0])
+
+
+def lend_order(A: sp.csc_array, rows: NDArray[np.int64], other: sp.csc_array) -> None:
+    """Order another large matrix (m, m) as A (n, n) is ordered; ``rows`` (n,) are the rows of A in it, -1 for none.
+
+    Rows that A lacks, such as those of tied nodes, come last: an order of their own would take longer than the numbers
+    of a factor.
+    """
+    if (order := share_order(A)) is None or other.shape[0] < LARGE:
+        return
+    first = rows[order]
+    first = first[first >= 0]
+    lacking = np.ones(other.shape[0], dtype=bool)
+    lacking[first] = False
+    current_settings().orders.store(*nonzero_pattern(other), np.concatenate([first, np.flatnonzero(lacking)]))
 
 
 def shifted_matrix(K: sp.csc_array, M: sp.csc_array, sigma: float) -> sp.csc_array:

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.sparse import lend_order
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import FEModel, Finding, Proof
 from cmsreduce.pipeline.evidence import (
@@ -101,6 +102,8 @@ def definite(body: FEModel, proven: Array | None, as_read: FEModel | None = None
     if smallest is None:
         # Ties keep energy; before them the three directions of a solid are not coupled, and one of them tells all.
         as_read = as_read or body
+        if as_read.n != body.n:
+            lend_order(body.K, as_read.dofs.rows(body.dofs.node, body.dofs.component), as_read.M)
         mass = negative_directions(as_read.M, as_read.rounding, as_read.dofs.component)
         return {"stiffness": stiffness, "mass": mass}
     limit = -max(_DEFINITE, _DIGITS * body.rounding)

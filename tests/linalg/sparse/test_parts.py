@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from cmsreduce.linalg import sparse
 from cmsreduce.linalg.machine import SolverSettings, settings, solver_settings
-from cmsreduce.linalg.sparse import determinate_dofs, factorise, part, principal_part, share_order
+from cmsreduce.linalg.sparse import determinate_dofs, factorise, lend_order, part, principal_part, share_order
 
 
 def plate(side: int) -> sp.csc_array:
@@ -66,6 +66,21 @@ def test_a_matrix_may_borrow_the_order_of_another_of_as_many_rows(large):
         share_order(large)
         assert np.array_equal(share_order(mass, borrowed=True), order)
         assert share_order(plate(41), borrowed=True).size == 41**2
+
+
+def test_a_mass_with_further_rows_is_ordered_as_the_stiffness_is_and_these_rows_last(large):
+    m = large.shape[0] + 50
+    rows = np.random.default_rng(2).permutation(m)[: large.shape[0]]
+    # Two rows of the stiffness, such as those of a tied point, are not in the mass.
+    rows[[4, 7]] = -1
+    mass = sp.csc_array(sp.diags_array([np.ones(m), np.full(m - 1, 0.1), np.full(m - 1, 0.1)], offsets=[0, 1, -1]))
+    with solver_settings(SolverSettings()):
+        order = share_order(large)
+        lend_order(large, rows, mass)
+        found = share_order(mass)
+    placed = rows[order]
+    assert np.array_equal(found[: m - 52], placed[placed >= 0])
+    assert np.array_equal(np.sort(found), np.arange(m))
 
 
 def test_a_kept_factor_is_found_for_the_same_matrix_and_for_no_other(large):
