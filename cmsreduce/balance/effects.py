@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.balance.truncation import Columns, Selection
 from cmsreduce.model import Finding
 
-__all__ = ["ChangedResponse", "Effects", "Judge"]
+__all__ = ["ChangedResponse", "Effects", "Judge", "unreachable"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -157,3 +157,26 @@ class Judge(Protocol):
 
     def effects(self, selection: Selection, changes: Sequence[tuple[str, Columns]]) -> Effects:
         """Effects of adding columns that are left out, and of leaving out columns that are kept."""
+
+
+def unreachable(finding: Finding, modes: int, *, all_of_them: bool, kinds: set[str]) -> str:
+    """Message on a limit that all modes together do not meet, with the next step."""
+    if np.isnan(finding.value):
+        return (
+            f"keep: {finding.name} cannot be judged ({finding.note or 'it was not measured'}): take its limit out, or "
+            "choose the modes by another rule"
+        )
+    other = "take `reduce: {method: macneal-rubin}`, " if "fixed" in kinds else ""
+    which, step = "below the cutoff", f"Raise reduce.cutoff, {other}or allow a larger error"
+    if "response" in kinds:
+        which = "and shapes"
+        step = (
+            "Scene shapes are made for `frf_error`: state a smaller limit of it, which they are made for then, or take "
+            "`reduce: {method: macneal-rubin}`"
+        )
+    if not all_of_them:
+        which, step = "that other limits allow", "Allow a higher highest_frequency, or a larger error"
+    return (
+        f"keep: {finding.name} {finding.limit:g} cannot be met: all {modes} modes {which} leave "
+        f"{finding.value:.3g}{finding.note and f' in {finding.note}'}. {step}"
+    )

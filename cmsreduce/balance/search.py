@@ -3,22 +3,25 @@
 The error without several modes is not the sum of the errors without each: two modes may replace one another. Once no
 mode can be left out, the search leaves one out all the same, and exchanges modes, one against another, as long as the
 error falls. Errors after an exchange are predicted at a few frequencies, and measured where they are predicted to be
-small. Only sets whose true error meets the limit are kept. The search has no random part.
+small. Only sets whose true error meets the limit are kept. Where few sets have fewer modes than the one found, all of
+them are tried: errors of modes, peaks and zeros need not fall with more modes, and no prediction shows them. The search
+has no random part.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.balance.effects import Effects, Judge
+from cmsreduce.balance.effects import Effects, Judge, unreachable
 from cmsreduce.balance.ranking import CLOSE
 from cmsreduce.balance.truncation import Selection, whole_groups
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import Finding, ModalComponent
+from cmsreduce.model import ModalComponent
 
 __all__ = ["Found", "keep_cheapest", "keep_error"]
 
@@ -37,6 +40,8 @@ _PARTNERS, _TRIALS = 24, 6
 _GAIN, _EXCHANGES, _STARTS = 1e-3, 24, 2
 # Groups left out together: the best so many sets grow by one group, so many times; four times take twice as long.
 _WIDTH, _TOGETHER = 12, 2
+# Sets of fewer modes than the one found, up to which all are tried: those of ten modes.
+_ALL = 2**10
 # In the samples exchanges leave out 4 % of a pruned set at most.
 _HOPELESS = 2
 
@@ -170,7 +175,7 @@ class _Search:
         everything = frozenset(range(len(self.groups)))
         if self._error(everything, np.inf) > self.limit:
             finding, modes = self.judge.critical(self.selection(everything)), int(self.sizes.sum())
-            raise ConfigError(_unreachable(finding, modes, all_of_them=self.every, kinds=self.kinds))
+            raise ConfigError(unreachable(finding, modes, all_of_them=self.every, kinds=self.kinds))
         best = everything
         truncated: dict[str, int] = {}
         for name, coefficients in rankings.items():
@@ -186,6 +191,7 @@ class _Search:
             other = self._pruned(everything)
             if self.modes(other) < self.modes(kept):
                 kept = self._settled(other)
+            kept = self._smallest(kept)
         nearest = self._nearest(kept)
         return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), nearest, truncated)
 
@@ -262,6 +268,19 @@ class _Search:
             kept = found
         return kept
 
+    def _smallest(self, kept: frozenset[int]) -> frozenset[int]:
+        """The first set that passes of all those with fewer modes, the fewest first, if they are few."""
+        fewer = [frozenset(some) for some in islice(self._below(self.modes(kept)), _ALL + 1)]
+        tried = sorted(fewer, key=self.modes) if len(fewer) <= _ALL else []
+        return next((some for some in tried if self._passes(some)), kept)
+
+    def _below(self, modes: int, first: int = 0) -> Iterator[tuple[int, ...]]:
+        """Sets of fewer modes than a number, of the groups from one on."""
+        if modes > 0:
+            yield ()
+            for k in range(first, len(self.groups)):
+                yield from ((k, *more) for more in self._below(modes - int(self.sizes[k]), k + 1))
+
     def _descended(self, kept: frozenset[int]) -> frozenset[int] | None:
         """Find a set of fewer modes that passes: without a few groups, or by exchanges from sets without one."""
         if not kept:
@@ -313,29 +332,6 @@ class _Search:
             if self._error(other, limit) <= limit:
                 return other
         return None
-
-
-def _unreachable(finding: Finding, modes: int, *, all_of_them: bool, kinds: set[str]) -> str:
-    """Message on a limit that all modes together do not meet, with the next step."""
-    if np.isnan(finding.value):
-        return (
-            f"keep: {finding.name} cannot be judged ({finding.note or 'it was not measured'}): take its limit out, or "
-            "choose the modes by another rule"
-        )
-    other = "take `reduce: {method: macneal-rubin}`, " if "fixed" in kinds else ""
-    which, step = "below the cutoff", f"Raise reduce.cutoff, {other}or allow a larger error"
-    if "response" in kinds:
-        which = "and shapes"
-        step = (
-            "Scene shapes are made for `frf_error`: state a smaller limit of it, which they are made for then, or take "
-            "`reduce: {method: macneal-rubin}`"
-        )
-    if not all_of_them:
-        which, step = "that other limits allow", "Allow a higher highest_frequency, or a larger error"
-    return (
-        f"keep: {finding.name} {finding.limit:g} cannot be met: all {modes} modes {which} leave "
-        f"{finding.value:.3g}{finding.note and f' in {finding.note}'}. {step}"
-    )
 
 
 def _first(high: int, passes: Callable[[int], bool]) -> int:

@@ -222,3 +222,29 @@ def test_the_cheapest_set_may_have_more_modes():
     assert as_lists(keep_cheapest(body, ranked(body), judge, 0.5, price).selection) == {"bar": [0, 1]}
     # Where a step costs nothing, the fewest stay.
     assert as_lists(keep_cheapest(body, ranked(body), judge, 0.5, lambda s: s["bar"].size).selection) == {"bar": [3]}
+
+
+class Unforeseen(Vectors):
+    """A judge with a second figure that no prediction shows and that more modes may worsen, as of peaks and zeros."""
+
+    def __init__(self, terms: Mapping[tuple[str, int], Sequence[float]], seed: int) -> None:
+        super().__init__(terms)
+        self.seed = seed
+
+    def error(self, selection: Mapping[str, np.ndarray], limit: float = np.inf) -> float:
+        members = sorted((name, int(k)) for name, columns in selection.items() for k in columns)
+        if len(members) == len(self.terms):
+            return super().error(selection, limit)
+        number = sum(2 ** list(self.terms).index(member) for member in members)
+        return max(super().error(selection, limit), 20 * float(np.random.default_rng([self.seed, number]).random()))
+
+
+@pytest.mark.parametrize("seed", [0, 2, 7, 11])
+def test_as_few_as_there_can_be_where_errors_cannot_be_predicted(seed: int):
+    rng, n = np.random.default_rng(seed), 8
+    body = {"bar": component("bar", 0, rng.random(n).tolist())}
+    judge = Unforeseen({("bar", k): 0.3 * rng.standard_normal(6) for k in range(n)}, seed)
+    found = keep_error(body, ranked(body), judge, 1.0)
+    sets = chain.from_iterable(combinations(range(n), count) for count in range(found.modes))
+    assert judge.error(found.selection) <= 1.0 and found.modes > 1
+    assert all(judge.error({"bar": np.array(some, dtype=np.int64)}) > 1.0 for some in sets)

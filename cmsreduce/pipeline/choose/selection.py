@@ -25,15 +25,16 @@ from cmsreduce.balance import (
 from cmsreduce.config import RankingKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.blocks import observed
-from cmsreduce.model import BoundRecord, Measured, ModalChannels, ModalComponent, SearchRecord
+from cmsreduce.model import BoundRecord, Finding, Measured, ModalChannels, ModalComponent, SearchRecord
 from cmsreduce.pipeline.system import Candidates
 
 __all__ = ["Choice", "modal_channels", "select", "truncate"]
 
-# The search runs on the grid of the model with all modes. If the model that it finds misses the limit on a grid of its
-# own, the search runs again with a lower limit: divided by the excess, and by this factor, so that it finds another
-# model.
-_ATTEMPTS = 6
+# The search runs on the grid of the model with all modes, which serves the peaks of that model. A model that misses the
+# limit on a grid of its own is refused, and the search runs again. If some miss it by no more than this factor, the
+# limit is divided by the excess, and multiplied by the margin, as long as any model meets it.
+_ATTEMPTS = 64
+_NEARLY, _NEAR_MISSES = 1.02, 3
 _MARGIN = 0.999
 
 
@@ -175,12 +176,21 @@ def _searched(
     for other in tables[0] if tables else ():
         if other != rank and all(other in table for table in tables):
             rankings[other] = {name: component.rankings[other] for name, component in components.items()}
-    among, attempts = judge.below_highest(), 0
+    among, attempts, near = judge.below_highest(), 0, 0
+    critical: Finding | None = None
     while True:
-        if price is None:
-            found = keep_error(components, rankings, judge, 1.0, among, below)
-        else:
-            found = keep_cheapest(components, rankings, judge, 1.0, price, among)
+        try:
+            if price is None:
+                found = keep_error(components, rankings, judge, 1.0, among, below)
+            else:
+                found = keep_cheapest(components, rankings, judge, 1.0, price, among)
+        except ConfigError:
+            if judge.relax():
+                near = -_ATTEMPTS
+                continue
+            if critical is None:
+                raise
+            raise ConfigError(_missed(critical)) from None
         tried, attempts = tried + found.tried, attempts + 1
         measured = exact(found.selection)
         critical = measured.critical
@@ -200,13 +210,20 @@ def _searched(
                 operations=None if price is None else price(found.selection),
             )
             return Choice(found.selection, record)
-        if np.isinf(critical.ratio) or attempts == _ATTEMPTS:
-            raise ConfigError(
-                f"balance.keep: no model was found that meets {critical.name} {critical.limit:g} on a grid of its own; "
-                f"the last one reached {critical.value:.3g} ({critical.note}). Raise reduce.cutoff, or allow a larger "
-                "error"
-            )
-        judge.tighten(critical.limit_name, _MARGIN / critical.ratio)
+        if attempts == _ATTEMPTS:
+            raise ConfigError(_missed(critical))
+        judge.refuse(found.selection, critical.ratio)
+        near += critical.ratio <= _NEARLY
+        if critical.ratio <= _NEARLY and near > _NEAR_MISSES:
+            judge.tighten(critical.limit_name, _MARGIN / critical.ratio)
+
+
+def _missed(finding: Finding) -> str:
+    """Message on a limit that every model found missed on a grid of its own."""
+    return (
+        f"balance.keep: no model was found that meets {finding.name} {finding.limit:g} on a grid of its own; the last "
+        f"one reached {finding.value:.3g} ({finding.note}). Raise reduce.cutoff, or allow a larger error"
+    )
 
 
 def _bounded(components: Mapping[str, ModalComponent], asked: float, channels: Mapping[str, ModalChannels]) -> Choice:

@@ -73,6 +73,10 @@ class Candidates:
         self._midpoints = [self._trial(target, none, self._of_midpoints) for target in between]
         # Those that refused a selection last come first.
         self._order = [*self._trials, *self._midpoints]
+        self._stated = dict(self.limits)
+        # Ratios of selections, each with the limit of its measurement, and those of refused ones.
+        self._known: dict[bytes, tuple[float, float]] = {}
+        self._refused: dict[bytes, tuple[float, float]] = {}
         # The last selection whose response was computed everywhere: ratio and response, the worst configuration first.
         self._last: tuple[Selection, list[tuple[float, Trial, Complex]]] = {}, []
         self._static = measure.static_shares(components) if "static_lack" in self.limits else {}
@@ -104,6 +108,14 @@ class Candidates:
         limit : float
             Above this ratio the result may be a lower bound.
         """
+        key = self._key(selection)
+        known = self._known.get(key)
+        # Above the limit of its measurement a ratio is a lower bound, which decides at lower limits only.
+        if known is None or limit >= known[0] > known[1]:
+            known = self._known[key] = self._measured(selection, limit), limit
+        return known[0]
+
+    def _measured(self, selection: Selection, limit: float) -> float:
         worst = self._static_lack(selection).ratio if self._static else 0.0
         if worst <= limit < np.inf:
             worst = max(worst, self._order[0].least(selection))
@@ -143,11 +155,30 @@ class Candidates:
             found.append(self._static_lack(selection))
         return max(found, key=lambda each: each.ratio)
 
+    def refuse(self, selection: Selection, ratio: float) -> None:
+        """Take the ratio of a selection from grids of its own, on which it missed a limit that it met on these."""
+        key = self._key(selection)
+        self._known[key] = self._refused[key] = ratio, np.inf
+
     def tighten(self, name: str, factor: float) -> None:
-        """Multiply one limit by a factor: a model met it on these grids, and missed it on grids of its own."""
+        """Multiply one limit by a factor: several models met it on these grids, and missed it on grids of their own."""
+        self._set({name: factor * self.limits[name]})
+
+    def relax(self) -> bool:
+        """Return to the stated limits; False if they hold already."""
+        if self.limits == self._stated:
+            return False
+        self._set(self._stated)
+        return True
+
+    def _set(self, changed: Mapping[str, float]) -> None:
         for limits in (self.limits, self._in_place, self._of_midpoints):
-            if name in limits:
-                limits[name] *= factor
+            limits.update({name: limit for name, limit in changed.items() if name in limits})
+        self._known = dict(self._refused)
+
+    @staticmethod
+    def _key(selection: Selection) -> bytes:
+        return b";".join(np.asarray(own, dtype=np.int64).tobytes() for own in selection.values())
 
     def below_highest(self) -> Selection | None:
         """Largest set of the lowest modes of all bodies that meets a limit on the highest frequency; None without."""

@@ -177,8 +177,9 @@ class ModelMeasure:
             True if modes of the mode sets were left out.
         """
         with collecting(Failures()) as failures:
-            damped = "damping_error" in limits
-            errors = model_errors(self.comparison.reference, target, model, H_r, in_db, damped=damped)
+            damped, at_peaks = "damping_error" in limits, "peak_error" in limits
+            reference = self.comparison.reference
+            errors = model_errors(reference, target, model, H_r, in_db, damped=damped, at_peaks=at_peaks)
             response = Response(target.omega / (2 * np.pi), target.elastic + target.rigid, {MODEL: H_r})
             result = ConfigurationResult(target.configuration, 0, 0, 0, 0, {MODEL: errors}, response)
             found = self._judged([result], {}, model, limits, [target.configuration], truncated)

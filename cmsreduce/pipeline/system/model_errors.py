@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.model import Configuration, DampedPairs, MacMatrix, ModelErrors, UnpairedMode
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system.assembled import AssembledModel
-from cmsreduce.pipeline.system.peaks import peak_damping
+from cmsreduce.pipeline.system.peaks import peak_damping, peaks
 from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality
 from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
 from cmsreduce.verify import (
@@ -46,6 +46,7 @@ def model_errors(
     seconds: float | None = None,
     *,
     damped: bool = True,
+    at_peaks: bool = False,
 ) -> ModelErrors:
     """Errors of a model in one configuration.
 
@@ -63,6 +64,8 @@ def model_errors(
         Wall time of its response.
     damped : bool
         Pair the complex modes, too, for the errors of damping ratios.
+    at_peaks : bool
+        Measure the heights of its peaks at its resonances, too, for a grid that was refined at those of other models.
     """
     configuration, omega, H = target.configuration, target.omega, target.elastic
     alone = _share_alone(reference, configuration, model)
@@ -72,7 +75,8 @@ def model_errors(
     elastic = np.where(responding, H_r - model.assembled.rigid_response(configuration, omega), 0.0)
     loud = target.loud | false
     pairs, mac = _pairs(reference, configuration, model)
-    shape, peak = frac(H, elastic), peak_errors(H, elastic)
+    shape = frac(H, elastic)
+    peak = peak_errors(H, np.concatenate([elastic, _at_peaks(model, target)]) if at_peaks else elastic)
     shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
     sure = loud & ~false
     highest, highest_r = (np.where(loud, abs(each).max(axis=0, initial=0.0), 0) for each in (H, elastic))
@@ -102,6 +106,15 @@ def model_errors(
         lost=_alone(reference.assembled, configuration, pairs.lost, highest),
         extra=_alone(model.assembled, configuration, pairs.extra, highest_r),
     )
+
+
+def _at_peaks(model: ReducedModel, target: Target) -> Complex:
+    """Elastic response (k, outputs, inputs) at the resonances of a model in the band; zero where none responds."""
+    omega, _ = peaks(model.assembled, target.configuration)
+    omega = omega[(omega >= target.omega[0]) & (omega <= target.omega[-1])]
+    elastic = model.assembled.response(target.configuration, omega)
+    elastic = elastic - model.assembled.rigid_response(target.configuration, omega)
+    return np.where(target.responding, elastic, 0.0)
 
 
 def _share_alone(reference: ReferenceModel, configuration: Configuration, model: ReducedModel) -> Real:

@@ -91,3 +91,18 @@ def test_effects_of_single_modes_foretell_errors(trials: Trials) -> None:
             assert error == pytest.approx(exact, rel=0.1)
             small += 1
     assert small > 3
+
+
+def test_heights_of_peaks_are_those_on_grids_of_their_own(opened: Callable[..., Run]) -> None:
+    """The grids of the search have no points at the peaks of a model that lacks some modes."""
+    run = opened("verify.frf.points=20")
+    trials = Trials(run, dict(run.ranked))
+    limits, shifted = {"peak_error": 1.0}, 0
+    judge = trials.limited(limits)
+    for seed in range(6):
+        selection = trials.random(seed, 0.6)
+        kept = truncate(trials.components, selection, dict.fromkeys(trials.components, "trial"))
+        exact = run.measure.measured(kept, run.joined(kept), limits).findings["peak_error"].value
+        assert judge.error(selection) == pytest.approx(exact, rel=1e-3, abs=1e-3)
+        shifted += exact > 0.1
+    assert shifted > 2
