@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SimulationError
-from cmsreduce.simulate.floating_body import FloatingBody, cross_columns, turned
+from cmsreduce.simulate.balls import Ball, Balls
+from cmsreduce.simulate.floating_body import FloatingBody, cross_columns, euler_parameters, refuse_massless, turned
 from cmsreduce.simulate.joints import Connection, Frame, Moving
 from cmsreduce.simulate.laws import Law
 from cmsreduce.simulate.movements import Element, JointMotion, Movement, PointMotion, point_row, strut_row
@@ -24,8 +24,6 @@ IMPLIED = 1e-9
 FRAME = 7
 """Coordinates of a frame: its place and its Euler parameters."""
 
-# Smallest eigenvalue of a mass matrix with a unit diagonal: less is round-off.
-_MASSLESS = 1e-13
 # Projections on the constraints that a step takes: each one squares the error.
 _PROJECTIONS = 8
 # Relative to the size of the scene: gap that rounding leaves, and gap at which a joint is open.
@@ -47,6 +45,8 @@ class Equations:
         Motions of springs, actuators and sensors.
     elements : sequence of Element
         Springs and dampers.
+    balls : sequence of Ball
+        Joints whose three rotations are free.
     inertias : sequence of (body, row, inertia)
         Inertias of joints that turn with a body at a constant row (6 + k,) of its speeds.
     gravity : (3,) float64
@@ -77,11 +77,13 @@ class Equations:
         elements: Sequence[Element] = (),
         inertias: Sequence[tuple[int, Array, float]] = (),
         gravity: Sequence[float] = (0.0, 0.0, 0.0),
+        balls: Sequence[Ball] = (),
     ) -> None:
         self.bodies, self.connections = tuple(bodies), tuple(connections)
         self.movements, self.elements, self.inertias = tuple(movements), tuple(elements), tuple(inertias)
+        self.balls = Balls(balls, movements)
         for body in bodies:
-            _refuse_massless(body)
+            refuse_massless(body)
         self.gravity = np.asarray(gravity, dtype=np.float64)
         self.efforts: Mapping[int, Law] = {}
         """Effort over time of movements by their number."""
@@ -101,7 +103,7 @@ class Equations:
         self._start = np.zeros(self.values.stop + 1)
         for number, (x, R) in enumerate(places):
             at = FRAME * number
-            self._start[at : at + 3], self._start[at + 3 : at + FRAME] = x, _euler_parameters(R)
+            self._start[at : at + 3], self._start[at + 3 : at + FRAME] = x, euler_parameters(R)
         self._start[self.values] = [movement.start for movement in movements]
 
     # State: places and Euler parameters, modal coordinates, speeds, values of movements, work.
@@ -203,17 +205,18 @@ class Equations:
         _, G, bias = self._constraints(moving)
         rows = self.movement_rows(frames, moving)
         parts = self._inertia(frames)
-        rates = rows @ u
-        efforts = np.zeros(len(self.movements))
+        values = y[self.values]
+        rates, value_rows = rows @ u, self.balls.rows(values, rows)
+        efforts, springs = np.zeros(len(self.movements)), np.zeros(len(self.movements))
         for number, law in self.efforts.items():
             efforts[number] += law(t)
         work = float(efforts @ rates)
-        values = y[self.values]
         for element in self.elements:
             at = element.movement
-            efforts[at] -= element.stiffness * (values[at] - element.rest) + element.damping * rates[at]
+            springs[at] -= element.stiffness * (values[at] - element.rest)
+            efforts[at] -= element.damping * rates[at]
             work -= element.damping * rates[at] ** 2
-        force, change = rows.T @ efforts, np.zeros_like(y)
+        force, change = rows.T @ efforts + value_rows.T @ springs, np.zeros_like(y)
         for number, (body, f, own, (_, h, moment)) in enumerate(
             zip(self.bodies, frames[:-1], self.speeds, parts, strict=True)
         ):
@@ -236,7 +239,7 @@ class Equations:
         free, X = solved[:, 0], solved[:, 1:]
         forces = multipliers(G @ X, -bias - G @ free)
         change[self.first_speed : self.first_speed + self.n] = free + X @ forces
-        change[self.values], change[-1] = rates, work
+        change[self.values], change[-1] = value_rows @ u, work
         return change
 
     def jacobian(self, t: float, y: Array) -> Array:
@@ -249,6 +252,7 @@ class Equations:
         moving = self._moving(frames)
         _, G, _ = self._constraints(moving)
         rows, masses = self.movement_rows(frames, moving), [M for M, _, _ in self._inertia(frames)]
+        value_rows = self.balls.rows(y[self.values], rows)
         first, u = self.first_speed, slice(self.first_speed, self.first_speed + self.n)
         J, force = np.zeros((y.size, y.size)), np.zeros((self.n, y.size))
         for number, (body, f, own, modal) in enumerate(
@@ -265,12 +269,12 @@ class Equations:
                 force[own, first + own.start : first + own.stop] -= body.gyroscopic
         for element in self.elements:
             row = rows[element.movement]
-            force[:, self.values.start + element.movement] -= element.stiffness * row
+            force[:, self.values.start + element.movement] -= element.stiffness * value_rows[element.movement]
             force[:, u] -= element.damping * np.outer(row, row)
         solved = self._by_mass(masses, np.hstack([force, G.T]))
         free, X = solved[:, : y.size], solved[:, y.size :]
         J[u] = free - X @ multipliers(G @ X, G @ free)
-        J[self.values, u] = rows
+        J[self.values, u] = value_rows
         return J
 
     def projected(self, y: Array) -> Array:
@@ -279,12 +283,13 @@ class Equations:
         Raises
         ------
         SimulationError
-            If the joints do not close.
+            If the joints do not close, or a ball with springs has turned too far.
         """
         y = y.copy()
         for number in range(len(self.bodies)):
             e = y[FRAME * number + 3 : FRAME * (number + 1)]
             e /= np.sqrt(e @ e)
+        self.balls.take_short_way(y[self.values])
         if not self.constrained:
             return y
         for _ in range(_PROJECTIONS):
@@ -316,16 +321,6 @@ class Equations:
             y[self.modal[number]] += part[6:]
 
 
-def _refuse_massless(body: FloatingBody) -> None:
-    M = body.inertia(np.zeros(body.k), np.zeros(6 + body.k))[0]
-    scale = np.sqrt(np.maximum(np.diag(M), np.finfo(float).tiny))
-    if la.eigvalsh(M / scale / scale[:, None], subset_by_index=[0, 0])[0] < _MASSLESS:
-        raise SimulationError(
-            f"body '{body.name}' can move without kinetic energy: it is a point or a line without inertia about "
-            "itself, or its modes hold a rigid motion; give it the inertia of its thickness, or take these modes out"
-        )
-
-
 def multipliers(C: Array, wanted: Array) -> Array:
     """Shortest solution of C l = wanted, one or several columns, in units in which C has a unit diagonal."""
     if not len(C):
@@ -334,12 +329,3 @@ def multipliers(C: Array, wanted: Array) -> Array:
     scale = 1 / np.sqrt(np.where(scale > 0, scale, 1.0))
     by_row = scale if wanted.ndim == 1 else scale[:, None]
     return by_row * np.linalg.lstsq(C * scale * scale[:, None], by_row * wanted, rcond=IMPLIED)[0]
-
-
-def _euler_parameters(R: Array) -> Array:
-    """Euler parameters (4,), scalar first, of a rotation matrix."""
-    # Scipy's order has the scalar last.
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, s = Rotation.from_matrix(R).as_quat()
-    return np.array([s, x, y, z])

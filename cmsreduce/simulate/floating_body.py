@@ -7,13 +7,18 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.errors import SimulationError
 from cmsreduce.model import RigidBody, Values
 
-__all__ = ["FloatingBody", "Marker", "Stretch", "cross_columns", "turned"]
+__all__ = ["FloatingBody", "Marker", "Stretch", "cross_columns", "euler_parameters", "refuse_massless", "turned"]
 
 Array = NDArray[np.float64]
+
+# Smallest eigenvalue of a mass matrix with a unit diagonal: less is round-off.
+_MASSLESS = 1e-13
 
 
 def cross_columns(a: Array) -> Array:
@@ -288,3 +293,29 @@ class FloatingBody:
             B = (self.stretch.position @ rate) @ rate
             h[3:6] += [B[1, 2] - B[2, 1], B[2, 0] - B[0, 2], B[0, 1] - B[1, 0]]
         return M, h, np.column_stack([moment, C])
+
+
+def refuse_massless(body: FloatingBody) -> None:
+    """Refuse a body that can move without kinetic energy.
+
+    Raises
+    ------
+    SimulationError
+        With the likely cause.
+    """
+    M = body.inertia(np.zeros(body.k), np.zeros(6 + body.k))[0]
+    scale = np.sqrt(np.maximum(np.diag(M), np.finfo(float).tiny))
+    if la.eigvalsh(M / scale / scale[:, None], subset_by_index=[0, 0])[0] < _MASSLESS:
+        raise SimulationError(
+            f"body '{body.name}' can move without kinetic energy: it is a point or a line without inertia about "
+            "itself, or its modes hold a rigid motion; give it the inertia of its thickness, or take these modes out"
+        )
+
+
+def euler_parameters(R: Array) -> Array:
+    """Euler parameters (4,), scalar first, of a rotation matrix."""
+    # Scipy's order has the scalar last.
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, s = Rotation.from_matrix(R).as_quat()
+    return np.array([s, x, y, z])

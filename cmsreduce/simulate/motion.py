@@ -35,7 +35,8 @@ class Motion:
     names : tuple of str
         Bodies in the order of the system.
     joints : mapping of name to (t,) float64
-        Free motions of joints, such as ``spin.rz``: of the second interface relative to the first.
+        Free motions of joints, such as ``spin.rz``: of the second interface relative to the first. Of three free
+        rotations, the angles at the start plus the rotation vector since then, along the axes of the first.
     efforts, sensors : mapping of name to (t,) float64
         Efforts of actuators, and measured motions or rates, in the scene's units and radians. A motion of a point is
         the integral of its rate along axes that turn with its body, as a rate gyro measures it.

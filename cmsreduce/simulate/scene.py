@@ -17,6 +17,7 @@ from cmsreduce.model import (
     PointTerm,
     SceneJoint,
 )
+from cmsreduce.simulate.balls import Ball
 from cmsreduce.simulate.floating_body import FloatingBody, Marker
 from cmsreduce.simulate.joints import Connection, Side, locked_rotations
 from cmsreduce.simulate.movements import Element, JointMotion, Movement, PointMotion, StrutMotion
@@ -81,7 +82,7 @@ class _Builder:
                 side = Side(number, Marker(np.zeros(3), none, none), np.eye(3))
                 self.connections.append(self._to_ground(f"ground of {body.name}", side, range(6)))
         movements: list[Movement] = []
-        elements, inertias = [], []
+        elements, inertias, balls = [], [], []
         for joint in self.scene.joints:
             number = self.by_joint[joint.joint.name]
             at = {dof: len(movements) + i for i, dof in enumerate(sorted(joint.joint.free))}
@@ -89,6 +90,10 @@ class _Builder:
                 Movement(f"{joint.joint.name}.{DOF_NAMES[dof]}", (JointMotion(number, dof),), self._value(joint, dof))
                 for dof in at
             ]
+            turns = tuple(at[dof] for dof in sorted(at) if dof >= 3)
+            if len(turns) == 3:
+                sprung = any(e.stiffness and e.dof >= 3 for e in joint.joint.elements)
+                balls.append(Ball(joint.joint.name, number, turns, sprung))
             for element in joint.joint.elements:
                 if element.stiffness or element.damping:
                     rest = self._value(joint, element.dof)
@@ -99,7 +104,9 @@ class _Builder:
                     row = np.concatenate([np.zeros(3), axis, axis @ side.marker.rotation])
                     inertias.append((side.body, row, element.inertia))
         movements += [self._movement(channel) for channel in (*self.scene.actuators, *self.scene.sensors)]
-        return MultibodySystem(self.bodies, self.places, self.connections, movements, elements, inertias, gravity)
+        return MultibodySystem(
+            self.bodies, self.places, self.connections, movements, elements, inertias, gravity, balls
+        )
 
     @staticmethod
     def _value(joint: SceneJoint, dof: int) -> float:

@@ -14,7 +14,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import Run, execute
 from tests.pipeline.study import Log, arm, panel, write_body
 
-__all__ = ["BEAM", "GIMBAL", "ROBOT", "assembled", "finished", "finished_robot", "linear", "pulse"]
+__all__ = ["BALL", "BEAM", "GIMBAL", "ROBOT", "assembled", "finished", "finished_robot", "linear", "pulse"]
 
 # A joint of every kind: two axes with springs, an arm, a slide, a weld, a ring closed by a ball; ground; a copy.
 ROBOT = """\
@@ -72,6 +72,32 @@ scene:
     stretch: {{between: [arm.4, panel.6]}}
     sight: {{rows: {{panel.6.x: 1.0, arm.2.ry: -0.3}}}}
 reduce: {{cutoff: 3}}
+write: {{formats: [hdf5]}}
+"""
+
+# Rigid bodies joined by a ball with unlike springs, along the axes of a frame.
+BALL = """\
+name: ball
+output: {output}
+components:
+  base:
+    rigid: {{mass: 5, cg: [0.1, 0, 0.05], inertia: [0.4, 0.5, 0.3, 0.02, 0, 0.01]}}
+    interfaces:
+      h: {{position: [0.1, 0.2, 0.3], frame: {{axis: [0, 1, 1], angle: 20 deg}}}}
+      wall: {{position: [0, 0, 0]}}
+  pod:
+    rigid: {{mass: 2, cg: [0.2, 0.3, 0.2], inertia: [0.05, 0.06, 0.07, 0.01, 0.002, 0]}}
+    interfaces: {{h: {{position: [0.1, 0.2, 0.3]}}}}
+scene:
+  band: 20 Hz
+  ground: [base.wall]
+  joints:
+    j:
+      connect: [base.h, pod.h]
+      free: [rx, ry, rz]
+      stiffness: {{rx: 20 N*m/rad, ry: 30 N*m/rad, rz: 25 N*m/rad}}
+  actuators: {{one: {{joint: j, dof: rx}}, two: {{joint: j, dof: ry}}}}
+  sensors: {{a: {{joint: j, dof: rx}}, b: {{joint: j, dof: ry}}, c: {{joint: j, dof: rz}}}}
 write: {{formats: [hdf5]}}
 """
 

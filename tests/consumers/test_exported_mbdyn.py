@@ -16,7 +16,7 @@ import pytest
 from cmsreduce.errors import WriteError
 from cmsreduce.pipeline.results import multibody_scene
 from cmsreduce.write import export_scene
-from tests.consumers.exported import BEAM, ROBOT, assembled, finished, linear, pulse
+from tests.consumers.exported import BALL, BEAM, ROBOT, assembled, finished, linear, pulse
 from tests.consumers.predictions import PlaneBeam
 from tests.frames import line
 from tests.pipeline.study import arm, panel, write_body
@@ -165,6 +165,19 @@ def test_the_input_holds_together(robot: Path, tmp_path: Path) -> None:
     assert [words.left[2] for words in drives] == [f'"{sensor.name}"' for sensor in scene.sensors]
     laws = [words.left[2] for kind, words in deck.blocks[""] if kind == "drive caller"]
     assert laws == [f'"{actuator.name}"' for actuator in scene.actuators]
+
+
+@pytest.mark.parametrize("program", ["mbdyn", "42"])
+@pytest.mark.parametrize("alike", [False, True])
+def test_unlike_springs_of_a_ball_are_named(tmp_path: Path, program: str, alike: bool) -> None:
+    """MBDyn and 42 take a moment K v along the rotation vector v, which has a potential where all springs are alike."""
+    text = re.sub("  ground.*\n", "", BALL).replace(
+        "joint: j, dof: rx}}, two: {{joint: j, dof: ry", "at: pod.h, torque: [1, 0, 0]"
+    )
+    run = finished(tmp_path, re.sub("(20|30) N", "25 N", text) if alike else text)
+    export_scene(multibody_scene(run), program, tmp_path / "exported")
+    written = "".join(path.read_text() for path in (tmp_path / "exported").iterdir() if path.is_file())
+    assert bool(re.search("unlike springs .*not keep the energy", written)) is not alike
 
 
 def test_a_universal_joint_that_is_turned_about_its_later_axis_is_refused(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from cmsreduce.errors import WriteError
 from cmsreduce.pipeline.results import multibody_scene
 from cmsreduce.simulate import Pulse, simulate_scene
 from cmsreduce.write import export_scene
-from tests.consumers.exported import BEAM, GIMBAL, assembled, finished, linear, pulse
+from tests.consumers.exported import BALL, BEAM, GIMBAL, assembled, finished, linear, pulse
 from tests.consumers.predictions import PlaneBeam
 from tests.frames import line
 from tests.pipeline.study import arm, write_body
@@ -112,6 +112,22 @@ def test_large_motions_of_a_universal_joint_between_rigid_bodies(tmp_path: Path)
         known = motion.sensors[name] - motion.sensors[name][0]
         assert np.sqrt(((found - known) ** 2).mean() / (known**2).mean()) < 1e-3, name
     assert abs(seen[:, :2]).max(axis=0).min() > 0.2
+
+
+def test_springs_of_a_ball_through_a_large_angle(tmp_path: Path) -> None:
+    """Against `cms.simulate`, whose springs keep the energy: unlike springs, two motors, through one radian."""
+    run = finished(tmp_path, BALL)
+    script = exported(run, tmp_path / "exudyn")
+    script.LAWS["one"], script.LAWS["two"] = pulse(12.0, 0.3), pulse(-8.0, 0.2)
+    script.RADIUS = 1.0
+    built = script.build()
+    times, seen, _ = built.simulate(0.3, 2e-3)
+    efforts = {"one": Pulse(12.0, 0.3), "two": Pulse(-8.0, 0.2)}
+    motion = simulate_scene(multibody_scene(run), {}, 0.3, points=times.size - 1, efforts=efforts, accuracy=1e-7)
+    assert abs(seen[:, 0]).max() > 1.0
+    for name, found in zip(built.channels, seen.T, strict=True):
+        known = motion.sensors[name]
+        assert np.sqrt(((found - known) ** 2).mean() / (known**2).mean()) < 1.5e-3, name
 
 
 def test_spin_up_of_an_exported_beam(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:

@@ -90,10 +90,10 @@ def _add_elements(deck: MbdynInput, placed: SceneJoint) -> None:
     joint = placed.joint
     turning = [dof for dof in joint.free if dof >= FIRST_ROTATION]
     acting = [element for element in joint.elements if element.stiffness or element.damping]
-    about = [element for element in acting if element.dof in turning and len(turning) == 1]
-    for element in about:
+    alone = [element for element in acting if element.dof in turning and len(turning) == 1]
+    for element in alone:
         _add_torsion(deck, placed, element)
-    rest = [element for element in acting if element not in about]
+    rest = [element for element in acting if element not in alone]
     if rest:
         first, second = ends(deck, placed)
         figures = np.zeros((2, 6))
@@ -103,7 +103,11 @@ def _add_elements(deck: MbdynInput, placed: SceneJoint) -> None:
         other = _end(second, placed.second_axes)
         K, C = (", ".join(real(value) for value in row) for row in figures)
         law = f"linear viscoelastic generic, diag, {K}, diag, {C}"
-        deck.element("joint", deck.label("spring", joint.name), f"deformable joint, {one}, {other}, {law}")
+        # A moment K v along the rotation vector v of a ball has a potential where K is the same about all axes.
+        unlike = len(turning) == 3 and np.ptp(figures[0, FIRST_ROTATION:]) > 0
+        about = f"{joint.name}: unlike springs of a ball do not keep the energy at large angles" if unlike else ""
+        label = deck.label("spring", joint.name, about)
+        deck.element("joint", label, f"deformable joint, {one}, {other}, {law}")
     diagonal = np.zeros(3)
     for element in joint.elements:
         if element.inertia:

@@ -210,7 +210,9 @@ def _hinge(index: int, hinge: Hinge) -> Iterator[str]:
 def _elements(hinge: Hinge) -> Iterator[str]:
     yield "42: passive joint"
     yield plain(hinge.name, 60) or "-"
-    yield heading("in the order of its motions")
+    unlike = len(hinge.turns) == 3 and len(set(hinge.rotation_spring)) > 1
+    limit = "; unlike springs do not keep the energy" if unlike else ""
+    yield heading(f"in the order of its motions{limit}")
     for about, coefficients in (
         ("Rotational spring coefficients, N-m/rad", hinge.rotation_spring),
         ("Rotational damping coefficients, N-m-s/rad", hinge.rotation_damper),
