@@ -157,6 +157,7 @@ def thinned(grid: Array, omega: Array, zeta: Array, points: int) -> Array:
     spacing = np.minimum(np.minimum(smooth, sharp), between).tolist()
     w, keep = grid.tolist(), [0]
     for k in range(1, grid.size):
-        if w[k] - w[keep[-1]] >= spacing[k]:
+        # The end of the band stays: an error that rises towards it would lose its last part.
+        if w[k] - w[keep[-1]] >= spacing[k] or k == grid.size - 1:
             keep.append(k)
     return grid[keep]

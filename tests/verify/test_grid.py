@@ -119,3 +119,15 @@ def test_the_grid_before_refinement_stays_beside_any_mode(points: int, zeta: flo
     w = thinned(frequency_grid((0.0, 10.0), points, *only), *only, points)
     band = 2 * np.pi * np.array([0.01, 10.0])
     assert np.diff(np.log(np.union1d(w, band))).max() < 2 * np.log(1e3) / points
+
+
+def test_the_end_of_the_band_stays_where_an_error_rises_towards_it() -> None:
+    """A mode above the band that a reduced model lacks: the error is largest at the very end."""
+    hz = np.array([6.55, 11.9, 12.2, 14.4355, 15.963])
+    omega, zeta, beyond = 2 * np.pi * hz, np.full(5, 0.0424), 2 * np.pi * 15.963
+    grid = frequency_grid((1.31, 15.18), 400, omega, zeta)
+    w = thinned(grid, omega, zeta, 400)
+    assert w.size < 0.8 * grid.size
+    np.testing.assert_array_equal(w[[0, -1]], grid[[0, -1]])
+    lost, fine = power(w, beyond, 0.0424), np.linspace(*grid[[0, -1]], 100_001)
+    assert np.trapezoid(lost, w) == pytest.approx(np.trapezoid(power(fine, beyond, 0.0424), fine), rel=1e-3)
