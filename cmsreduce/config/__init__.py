@@ -9,7 +9,6 @@ from cmsreduce.config.drafted import BodyDraft, body_pipeline, scene_pipeline
 from cmsreduce.config.keys import (
     BASIC,
     CENTRE,
-    CHECK_OF,
     CLOSED_LOOP,
     EXTSEOUT_NAMES,
     RELATIVE_ERRORS,
@@ -45,7 +44,6 @@ from cmsreduce.config.scene import build_scene
 from cmsreduce.config.starter import starter_pipeline
 
 __all__ = [
-    "CHECK_OF",
     "CLOSED_LOOP",
     "SYSTEM_COST",
     "EXTSEOUT_NAMES",

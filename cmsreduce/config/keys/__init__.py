@@ -19,12 +19,11 @@ from cmsreduce.config.keys.quantities import Compound, Quantity, figure_powers, 
 from cmsreduce.config.keys.reduce import ModeSetKeys, ReduceKeys
 from cmsreduce.config.keys.scene import SceneKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys, SpinKeys
-from cmsreduce.config.keys.verify import CHECK_OF, RELATIVE_ERRORS, CompareKeys, LimitKeys, VerifyKeys
+from cmsreduce.config.keys.verify import RELATIVE_ERRORS, CompareKeys, LimitKeys, VerifyKeys
 from cmsreduce.config.keys.wheels import MOMENTUM, WheelKeys
 from cmsreduce.config.keys.write import BASIC, CENTRE, WriteKeys
 
 __all__ = [
-    "CHECK_OF",
     "CLOSED_LOOP",
     "SYSTEM_COST",
     "RELATIVE_ERRORS",

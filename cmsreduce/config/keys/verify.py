@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict
@@ -10,9 +9,9 @@ from pydantic import Field, Strict
 from cmsreduce.config.keys.balance import RankingKeys
 from cmsreduce.config.keys.mapping import Flag, Frequency, Keys, Plain, Positive, RelativeError
 from cmsreduce.config.keys.reduce import ModeSetKeys
-from cmsreduce.model import Integrator
+from cmsreduce.model import CHECK_OF, CheckName, Integrator
 
-__all__ = ["CHECK_OF", "RELATIVE_ERRORS", "CompareKeys", "CostKeys", "FrfKeys", "LimitKeys", "VerifyKeys"]
+__all__ = ["RELATIVE_ERRORS", "CompareKeys", "CostKeys", "FrfKeys", "LimitKeys", "VerifyKeys"]
 
 
 class CompareKeys(RankingKeys):
@@ -131,16 +130,6 @@ RELATIVE_ERRORS = frozenset(
     name for name, field in LimitKeys.model_fields.items() if field.annotation == (RelativeError | None)
 )
 """Limits that are fractions, or per cent with their sign."""
-
-CheckName = Literal["static", "gains", "zeros", "step"]
-CHECK_OF: Mapping[str, CheckName] = {
-    "static_lack": "static",
-    "gain_error": "gains",
-    "zero_error": "zeros",
-    "zeros_lost": "zeros",
-    "step_error": "step",
-}
-"""Check that measures each of these limits."""
 
 
 class CostKeys(Keys):

@@ -37,8 +37,10 @@ from cmsreduce.model.results.projection import (
     SolvedPoint,
 )
 from cmsreduce.model.results.reduction_checks import (
+    CHECK_OF,
     CHECKS,
     ChannelZeros,
+    CheckName,
     ControllerMargin,
     GainSum,
     HighGain,
@@ -58,9 +60,11 @@ __all__ = [
     "BodyDrawing",
     "BoundRecord",
     "CHECKS",
+    "CHECK_OF",
     "CONTROLLER_LIMITS",
     "CertificateRecord",
     "ChannelZeros",
+    "CheckName",
     "ComponentResult",
     "ConfigurationResult",
     "ControllerMargin",

@@ -220,16 +220,17 @@ class Measured:
             return self._finding(key, float("nan"), f"not measured: {failed}")
         if key == "damping_error" and self.configurations:
             return self._finding(key, 0.0, "neither model has damping")
-        left_out = () if self.checks is None else self.checks.left_out
+        left_out = "" if self.checks is None else self.checks.why_not(key)
         none = [kind for kind, names in (("actuators", self.inputs), ("sensors", self.outputs)) if not names]
         if none and key not in (*_OF_BODIES, *_OF_SYSTEM):
             reason = f"the scene has no {' and no '.join(none)}"
         elif key.startswith("controller"):
             reason = "the scene has no controller"
         elif left_out:
-            reason = "; ".join(left_out)
+            reason = left_out
         elif key in _OF_SYSTEM:
-            reason = "the system is too large for all its modes, or no hinge turns freely"
+            hinge = "no hinge turns freely without another, or " if key == "hinge_inertia" else ""
+            reason = f"{hinge}the system is too large for all its modes"
         elif key in _OF_BODIES:
             reason = "no load acts on a reduced body"
         else:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
     "CHECKS",
+    "CHECK_OF",
+    "CheckName",
     "ChannelZeros",
     "ControllerMargin",
     "GainSum",
@@ -21,8 +24,17 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-CHECKS = ("static", "gains", "zeros", "step")
+CheckName = Literal["static", "gains", "zeros", "step"]
+CHECKS: tuple[CheckName, ...] = get_args(CheckName)
 """Checks of a reduction that can be chosen by name."""
+CHECK_OF: Mapping[str, CheckName] = {
+    "static_lack": "static",
+    "gain_error": "gains",
+    "zero_error": "zeros",
+    "zeros_lost": "zeros",
+    "step_error": "step",
+}
+"""Check that measures each of these figures."""
 
 # A mode above the band with this share of all gains matters: without it every zero moves, the lowest one most (Haugse,
 # Jones, Salus).
@@ -251,13 +263,17 @@ class ReductionChecks:
         loads of each name, such as ``interface 'tip'`` or ``actuator 'motor'``.
     systems : tuple of SystemChecks
         Configuration by configuration.
-    left_out : tuple of str
-        Checks that were chosen and not possible, with the reason.
+    left_out : mapping of reason to tuple of check
+        Checks that were chosen and not possible.
     """
 
     static: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     systems: tuple[SystemChecks, ...] = ()
-    left_out: tuple[str, ...] = ()
+    left_out: Mapping[str, tuple[CheckName, ...]] = field(default_factory=dict)
+
+    def why_not(self, figure: str) -> str:
+        """Reasons why the check of a figure was not possible; empty without one."""
+        return "; ".join(why for why, checks in self.left_out.items() if CHECK_OF.get(figure) in checks)
 
     def figures(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> dict[str, tuple[float, str]]:
         """Largest value of each finding, with its place.

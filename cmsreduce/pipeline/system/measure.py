@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.config import CHECK_OF, VerifyKeys
+from cmsreduce.config import VerifyKeys
 from cmsreduce.errors import ConstraintError
 from cmsreduce.model import (
+    CHECK_OF,
     CONTROLLER_LIMITS,
     AxisCompleteness,
     BetweenErrors,

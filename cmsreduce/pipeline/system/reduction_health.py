@@ -14,6 +14,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.model import (
     CHECKS,
     ChannelZeros,
+    CheckName,
     Configuration,
     GainSum,
     ModalComponent,
@@ -129,42 +130,41 @@ def reduction_checks(
     """
     wanted = {check for check in CHECKS if check in required or (usual and check in _USUAL)}
     static: dict[str, Mapping[str, float]] = {}
-    left_out: dict[str, None] = {}
+    left_out: dict[str, tuple[CheckName, ...]] = {}
     for name, modes in reduced.items() if "static" in wanted else ():
         if not checks_statics(modes.body.n, required, usual=usual):
-            left_out[f"static completeness of {name}: it needs a factorisation of {modes.body.n} dofs"] = None
+            left_out[f"static completeness of {name}: it needs a factorisation of {modes.body.n} dofs"] = ("static",)
             continue
         lack = _static(name, loaded, modes)
         if lack is not None:
             static[name] = lack
-    systems = []
-    channels = wanted - {"static"}
+    systems, channels = [], wanted - {"static"}
     for configuration in configurations if channels and full is not None else ():
         assert full is not None
         N = full.system(configuration).N
         here = {check for check in channels if (_DENSE if check in required else _QUICK) >= N}
         if here != channels:
-            left_out[f"{', '.join(sorted(channels - here))}: the full system has {N} coordinates"] = None
+            large = tuple(sorted(channels - here))
+            left_out[f"{', '.join(large)}: the full system has {N} coordinates"] = large
         found, why = _of_system(here, full, model, configuration)
         systems.append(found)
-        left_out |= dict.fromkeys(why)
-    return ReductionChecks(static, tuple(systems), tuple(left_out))
+        left_out |= why
+    return ReductionChecks(static, tuple(systems), left_out)
 
 
 def _of_system(
     wanted: Collection[str], full: AssembledModel, model: AssembledModel, configuration: Configuration
-) -> tuple[SystemChecks, list[str]]:
+) -> tuple[SystemChecks, dict[str, tuple[CheckName, ...]]]:
     """Gains, zeros and steps in one configuration, and the reasons of those left out."""
     gains: tuple[GainSum | None, GainSum | None] = None, None
-    zeros, step, why = None, None, list[str]()
+    zeros, step, reasons = None, None, list[str]()
     both = _both_modes(full, model, configuration) if {"gains", "zeros"}.intersection(wanted) else None
     if both is not None:
         gains = (both[0].gains, both[1].gains) if "gains" in wanted else gains
         zeros = _zeros(both, model, configuration) if "zeros" in wanted else None
     if "step" in wanted:
         step, reasons = _step(full, model, configuration)
-        why += reasons
-    return SystemChecks(configuration.name, *gains, zeros, step), why
+    return SystemChecks(configuration.name, *gains, zeros, step), dict.fromkeys(reasons, ("step",))
 
 
 def _in(*args: Any) -> str:

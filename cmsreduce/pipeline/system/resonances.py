@@ -75,11 +75,14 @@ def damped_modes_of(system: System, s: NDArray[np.complex128], X: NDArray[np.com
         slope = slope + (Y * np.asarray(system.D @ X)).sum(axis=0)
     outputs, inputs = system.C1 @ X + 1j * w * (system.C2 @ X), (Y.T @ system.B) / slope[:, None]
     mirrored = (system.C1 @ X).conj() + 1j * w * (system.C2 @ X).conj()
-    own, other = (
-        np.einsum("yk,ku->kyu", left, right) / (1j * w - root)[:, None, None]
-        for left, right, root in ((outputs, inputs, s), (mirrored, inputs.conj(), s.conj()))
-    )
-    return DampedModes(s, by_body(system, X), abs(own + other))
+    # A mode without damping, as of a body without modes on a spring, has no bound where a channel shows it.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own, other = (
+            np.einsum("yk,ku->kyu", left, right) / (1j * w - root)[:, None, None]
+            for left, right, root in ((outputs, inputs, s), (mirrored, inputs.conj(), s.conj()))
+        )
+        peaks = abs(own + other)
+    return DampedModes(s, by_body(system, X), np.nan_to_num(peaks, nan=0.0, posinf=np.inf))
 
 
 def modal_weights(A: Matrix, Phi: NDArray[np.float64]) -> NDArray[np.float64]:
