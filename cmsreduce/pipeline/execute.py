@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cmsreduce.config import load_pipeline, naming_the_line
-from cmsreduce.errors import ConfigError, StageError, not_among
+from cmsreduce.errors import ConfigError, StageError, WriteError, not_among
 from cmsreduce.model import RunResult, Values, parameter_label
 from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
@@ -121,9 +121,23 @@ def execute(
             # The results of a whole run keep the pipeline that they are from.
             if not (run.folder / "summary.json").is_file():
                 write_origin(run.folder, source, overrides)
+            _refuse_lost(run.folder, run.stages.written)
             return None
-        record_outputs(run.folder, outputs)
-        return _results(run, source, overrides, report=report)
+        written = [record_outputs(run.folder, outputs), run.folder / "summary.json"]
+        result = _results(run, source, overrides, report=report)
+        # A stage that is gone is made again; a result is not.
+        _refuse_lost(run.folder, [*written, *(path for path in run.stages.written if path in outputs)])
+        return result
+
+
+def _refuse_lost(folder: Path, written: Sequence[Path]) -> None:
+    """Refuse a run of which files are gone again, such as where its folder was removed while it worked."""
+    gone = [path.relative_to(folder).as_posix() for path in written if not path.is_file()]
+    if gone:
+        raise WriteError(
+            f"{folder}: {', '.join(gone)}: written by this run, and gone: something removed files or the whole folder "
+            "while the run worked; run again"
+        )
 
 
 def _results(run: Run, source: Path, overrides: Sequence[str], *, report: bool) -> RunResult:

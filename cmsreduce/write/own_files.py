@@ -71,8 +71,13 @@ def refuse_shared_names(outputs: Sequence[Path]) -> None:
             )
 
 
-def record_outputs(folder: Path, outputs: Iterable[Path]) -> None:
+def record_outputs(folder: Path, outputs: Iterable[Path]) -> Path:
     """Add files that a run is about to write to the record of its folder, by which the next run knows them.
+
+    Returns
+    -------
+    Path
+        The record.
 
     Raises
     ------
@@ -80,8 +85,10 @@ def record_outputs(folder: Path, outputs: Iterable[Path]) -> None:
         If the record cannot be written.
     """
     names = {path.relative_to(folder).as_posix() for path in outputs} | (_recorded(folder) or set())
-    with atomic_path(folder / _RECORD) as temporary:
+    record = folder / _RECORD
+    with atomic_path(record) as temporary:
         temporary.write_text(json.dumps(sorted(names), indent=1), encoding="utf-8")
+    return record
 
 
 def _recorded(folder: Path) -> set[str] | None:

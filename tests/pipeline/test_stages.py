@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,9 +12,9 @@ import pytest
 from click.testing import CliRunner
 
 from cmsreduce.cli import main
-from cmsreduce.errors import ReadError, StageError
+from cmsreduce.errors import ReadError, StageError, WriteError
 from cmsreduce.pipeline import Run, execute, reopen, reopened_result, run_result
-from tests.pipeline.study import PIPELINE
+from tests.pipeline.study import PIPELINE, Log
 from tests.pipeline.test_reuse import done
 
 READ = {"stages/arm.read.h5", "stages/panel.read.h5"}
@@ -146,3 +147,35 @@ def test_stages_of_other_settings_do_not_take_the_place_of_a_finished_run(
 def test_only_a_run_directory_opens_again(study: Path) -> None:
     with pytest.raises(ReadError, match="no run directory"):
         reopen(study.parent)
+
+
+class Remover(Log):
+    """Listener that removes the run directory when a stage begins."""
+
+    def __init__(self, folder: Path, moment: str) -> None:
+        super().__init__()
+        self.folder, self.moment = folder, moment
+
+    def stage(self, stage: str, what: str) -> None:
+        super().stage(stage, what)
+        if stage == self.moment:
+            shutil.rmtree(self.folder)
+
+
+@pytest.mark.parametrize(("until", "moment", "lost"), [(None, "write", "summary"), ("verify", "verify", "arm.reduce")])
+def test_files_that_are_gone_when_a_run_ends_are_named(
+    opened: Callable[..., Run], study: Path, until: str | None, moment: str, lost: str
+) -> None:
+    run = opened()
+    run.stages.progress = Remover(run.folder, moment)
+    with pytest.raises(WriteError, match=rf"out: .*{lost}.*: written by this run, and gone: .*; run again"):
+        execute(run, study, until=until)
+    execute(opened(), study, until=until)
+
+
+def test_stages_that_are_gone_when_a_run_ends_lose_no_result(opened: Callable[..., Run], study: Path) -> None:
+    run = opened()
+    run.stages.progress = Remover(run.folder, "balance")
+    result = execute(run, study)
+    assert result is not None and result.verdict.word == "PASS"
+    assert files(study) >= {"summary.json", "report.html", "arm.h5", "panel.h5", "system.h5"}
