@@ -96,7 +96,7 @@ def test_a_run_gives_the_figures_of_the_command(run, by_command):
         rel=1e-12,
     )
     assert run.passed is stated["passed"] is True
-    timed = {"speed", "seconds", "peak_mib", "factorised", "solver"}
+    timed = {"speed", "seconds", "peak_mib", "factorised", "solver", "seal"}
     assert steady(run.summary, timed) == steady(stated, timed)
     assert steady(json.loads((run.folder / "summary.json").read_text()), timed) == steady(stated, timed)
     assert run.report.is_file()

@@ -16,7 +16,7 @@ from cmsreduce.write.export import EXPORTS, export_scene
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import LOG_MARK, record_outputs, refuse_foreign, refuse_shared_names
 from cmsreduce.write.seal import is_sealed, verify_seal
-from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
+from cmsreduce.write.summary import read_summary, summary, write_summary, write_sweep_csv, write_sweep_table
 from cmsreduce.write.system import write_system
 from cmsreduce.write.system_file import SystemFile, read_system, stated_settings, system_settings
 from cmsreduce.write.targets import (
@@ -64,6 +64,7 @@ __all__ = [
     "profile_files",
     "put_texts",
     "read_component",
+    "read_summary",
     "read_system",
     "record_outputs",
     "refuse_foreign",

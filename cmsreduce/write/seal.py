@@ -17,7 +17,16 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import hdf5_items
 from cmsreduce.write.files import put_texts
 
-__all__ = ["SEAL", "SEALED_ITEMS", "broken_seal", "content_digests", "is_sealed", "put_seal", "verify_seal"]
+__all__ = [
+    "SEAL",
+    "SEALED_ITEMS",
+    "broken_seal",
+    "changed_items",
+    "content_digests",
+    "is_sealed",
+    "put_seal",
+    "verify_seal",
+]
 
 SEAL = "content_sha256"
 """Attribute of the root: SHA-256 of all lines ``item digest``."""
@@ -118,17 +127,22 @@ def broken_seal(digests: Mapping[str, str], seal: object, items: Any, sealed: An
         return None
     pairs = zip(np.ravel(items).tolist(), np.ravel(sealed).tolist(), strict=False)
     before = {_text(item): _text(digest) for item, digest in pairs}
+    changed = changed_items(digests, before)
+    return f"its content is not what was written ({changed or 'the seal itself was changed'})"
+
+
+def changed_items(digests: Mapping[str, str], before: Mapping[str, str]) -> str:
+    """Items that differ between two sets of digests, in words; empty if there is none."""
     changes = {
         "changed": [item for item in digests if item in before and before[item] != digests[item]],
         "added": [item for item in digests if item not in before],
         "removed": [item for item in before if item not in digests],
     }
-    named = [
+    return "; ".join(
         f"{how}: {', '.join(sorted(found)[:_NAMED])}{f' and {len(found) - _NAMED} more' * (len(found) > _NAMED)}"
         for how, found in changes.items()
         if found
-    ]
-    return f"its content is not what was written ({'; '.join(named) or 'the seal itself was changed'})"
+    )
 
 
 def _digests_of(items: Mapping[str, Any]) -> dict[str, str]:

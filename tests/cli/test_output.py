@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from cmsreduce.cli import main
+from tests.sealed import resealed_summary
 
 
 def call(*args: object) -> Result:
@@ -111,10 +112,11 @@ def test_convert_and_diff_as_json(finished: Path, tmp_path: Path) -> None:
     assert (quiet.exit_code, quiet.output) == (0, "")
     same = json.loads(call("diff", finished, finished, "--json").stdout)
     assert same["differing"] == [] and same["same"] > 10
-    facts, runs = json.loads((finished / "summary.json").read_text()), []
+    runs = []
     for word in ("FAIL", "not checked"):
         runs.append(tmp_path / f"{word}.json")
-        runs[-1].write_text(json.dumps(facts | {"passed": False, "verdict": facts["verdict"] | {"word": word}}))
+        with resealed_summary(finished / "summary.json", runs[-1]) as facts:
+            facts["passed"], facts["verdict"]["word"] = False, word
     (row,) = json.loads(call("diff", *runs, "--json").stdout)["differing"]
     assert row == {"what": "verdict", "a": "FAIL", "b": "not checked", "change": None}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from cmsreduce.pipeline.store import ORIGIN, read_origin
 from cmsreduce.read import expect_kind, file_kind
 from cmsreduce.report import place
 from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
-from cmsreduce.write import ComponentFile, read_component, stated_settings
+from cmsreduce.write import ComponentFile, read_component, read_summary, stated_settings
 
 __all__ = ["SAME_RUN", "StoredResult", "compare", "open_result"]
 
@@ -95,22 +94,24 @@ def open_result(path: Path) -> StoredResult:
     if (summary.parent / ORIGIN).is_file():
         # Results whose source is not known are not checked.
         read_origin(summary.parent)
+    facts = read_summary(summary)
     try:
-        facts: dict[str, Any] = json.loads(summary.read_text(encoding="utf-8"))
-        whole = all(facts["components"][name].keys() >= _COMPONENT_KEYS for name in facts["components"])
+        components: dict[str, Any] = facts["components"]
+        whole = all(part.keys() >= _COMPONENT_KEYS for part in components.values())
+        whole &= all(np.isfinite(part["frequencies_hz"]).ndim == 1 for part in components.values())
         # Summaries of earlier versions have errors only.
         facts["figures"] = _figures(facts)
         whole &= all({"value", "where", "limit"} <= figure.keys() for figure in facts["figures"].values())
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         whole = False
     if not whole:
         raise ReadError(f"{summary}: this is no summary of a run; run the pipeline again")
     system = summary.parent / "system.h5"
     settings = stated_settings(system) if system.is_file() else None
-    beside = {name: summary.parent / f"{name}.h5" for name in facts["components"]}
+    beside = {name: summary.parent / f"{name}.h5" for name in components}
     files = {name: read_component(file) for name, file in beside.items() if file.is_file()}
     for name, file in files.items():
-        _refuse_foreign(beside[name], name, file, facts["components"][name]["frequencies_hz"])
+        _refuse_foreign(beside[name], name, file, components[name]["frequencies_hz"])
         if settings is not None and file.sealed and file.settings != settings:
             raise ReadError(
                 f"{system}: it is of another run than {beside[name].name} beside it; write both again with "

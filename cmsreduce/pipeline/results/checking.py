@@ -66,11 +66,11 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
         findings, proofs = list(_errors(result)), _proofs(result)
         checks = {name: list(_checks(result, name)) for name in result.names}
         unlisted = list(_speed((result.summary or {}).get("speed") or {}))
+        unlisted += [size for name in result.names for size in _sizes(result, name)]
     except (KeyError, TypeError, AttributeError, ValueError):
         raise ReadError(f"{path}: its summary.json is damaged; run the pipeline again, or `cmsreduce report`") from None
     for name in result.names:
         findings += checks[name]
-        unlisted += _sizes(result, name)
         if name in result.files:
             seal = Finding("unsealed", float(not result.files[name].sealed), note=_UNSEALED, subject=name)
             (unlisted if result.files[name].sealed else findings).append(seal)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cmsreduce.errors import ReadError
+from cmsreduce.write import read_summary
 
 __all__ = ["DifferenceRow", "run_difference"]
 
@@ -77,8 +76,8 @@ def _figures(path: Path) -> dict[str, Any]:
     file = path / "summary.json" if path.is_dir() else path
     if not file.is_file():
         raise ReadError(f"{path}: there is no summary.json; give the output directory of a finished run")
+    facts = read_summary(file)
     try:
-        facts: Mapping[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         # A run without limits passes no more than one that breaks them.
         found: dict[str, Any] = {"passed": facts["passed"], "verdict": (facts.get("verdict") or {}).get("word")}
         found |= {f"worst {name}": value for name, value in (facts["worst"] or {}).items()}
@@ -91,7 +90,7 @@ def _figures(path: Path) -> dict[str, Any]:
         for row in facts["configurations"]:
             found |= {f"{row['name']}: {key}": row[key] for key in ("frf_error", "n_reduced")}
         return found | {key: (facts["speed"] or {}).get(key) for key in _SPEED}
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         raise ReadError(f"{file}: this is no summary of a run; run the pipeline again") from None
 
 

@@ -1,12 +1,10 @@
-"""The file summary.json: results of a run under stable keys."""
+"""Content of summary.json: results of a run under stable keys."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +25,6 @@ from cmsreduce.model import (
     Speed,
     health_data,
 )
-from cmsreduce.write.files import atomic_path
 from cmsreduce.write.summary.checks import (
     basis,
     channels,
@@ -39,7 +36,7 @@ from cmsreduce.write.summary.checks import (
     unpaired,
 )
 
-__all__ = ["angles", "summary", "write_summary"]
+__all__ = ["angles", "summary"]
 
 
 def summary(run: RunResult) -> dict[str, Any]:
@@ -109,13 +106,6 @@ def summary(run: RunResult) -> dict[str, Any]:
         }
     )
     return facts
-
-
-def write_summary(path: Path, run: RunResult) -> None:
-    """Write summary.json; the file is complete or absent."""
-    text = json.dumps(summary(run), indent=2, allow_nan=False) + "\n"
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def _record(record: Any, *computed: str) -> dict[str, Any] | None:

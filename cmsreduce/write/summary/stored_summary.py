@@ -1,0 +1,58 @@
+"""The file summary.json: written whole and sealed, read with its content compared with the seal.
+
+JSON is easily edited, and a limit, a check or a body that is gone leaves no trace in the rest. The seal is a digest of
+the value of each key, whatever the layout of the text; programs that read the file need not know it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import RunResult
+from cmsreduce.write.files import atomic_path
+from cmsreduce.write.seal import SEALED_ITEMS, changed_items
+from cmsreduce.write.summary.summary import summary
+
+__all__ = ["read_summary", "sealed_text", "write_summary"]
+
+
+def write_summary(path: Path, run: RunResult) -> None:
+    """Write summary.json; the file is complete or absent."""
+    text = sealed_text(summary(run))
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def sealed_text(facts: dict[str, Any]) -> str:
+    """JSON of a summary and its seal."""
+    return json.dumps({**facts, SEALED_ITEMS: _digests(facts)}, indent=2, allow_nan=False) + "\n"
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Read summary.json, without its seal; earlier versions wrote none.
+
+    Raises
+    ------
+    ReadError
+        If the file holds no JSON mapping, or its content is not what was written; the message names the keys.
+    """
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+        seal = facts.pop(SEALED_ITEMS, None)
+        changed = "" if seal is None else changed_items(_digests(facts), dict(seal))
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        raise ReadError(f"{path}: this is no summary of a run; run the pipeline again") from None
+    if changed:
+        raise ReadError(f"{path}: its content is not what was written ({changed}); run the pipeline again")
+    return dict(facts)
+
+
+def _digests(facts: dict[str, Any]) -> dict[str, str]:
+    # Other programs write 1.0 as 1, and sort keys.
+    texts = {key: json.dumps(value, allow_nan=False) for key, value in facts.items()}
+    plain = {key: json.dumps(json.loads(text, parse_int=float), sort_keys=True) for key, text in texts.items()}
+    return {key: hashlib.sha256(text.encode()).hexdigest() for key, text in plain.items()}
