@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -222,6 +223,18 @@ def test_a_full_disk_behind_the_output_is_said() -> None:
     with Path("/dev/full").open("w") as full:
         done = program("schema", stdout=full)
     assert done.returncode == 2 and b"No space left" in done.stderr and b"Traceback" not in done.stderr
+
+
+def test_a_full_disk_under_the_log_is_said_and_stops_nothing(study: Path, tmp_path: Path) -> None:
+    """A file that may not grow is as a disk that is full; bad input is said before the log that lacks it."""
+    log = tmp_path / "check.log"
+    full = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (100, 100))
+    calls = (("check", study.parent / "out", "--log-file", log), ("check", "none", "--log-file", log))
+    codes, done = programs(*calls, preexec_fn=full)
+    assert codes == [2, 2] and b" checks passed; " in done.stdout
+    incomplete, missing = done.stderr.decode().splitlines()
+    assert incomplete.startswith(f"error: --log-file {log}: the log is not complete: File too large; the command did")
+    assert missing.startswith("error: none: ")
 
 
 @pytest.mark.parametrize("megabytes", [250, 400, 700, 1000, 1500])

@@ -142,19 +142,19 @@ def opened_output(*, quiet: bool, as_json: bool, log_file: Path | None, verbose:
     Raises
     ------
     WriteError
-        If the log cannot be written.
+        If the log cannot be opened, or, when the command has done its work, if lines of it were lost.
     """
     if log_file is None:
         yield Output(quiet=quiet, as_json=as_json, verbose=verbose)
         return
     try:
         log_file.parent.mkdir(parents=True, exist_ok=True)
-        # A path may hold bytes that are no letters.
-        log = log_file.open("w", encoding="utf-8", errors="backslashreplace")
+        file = _LogFile(log_file, "w")
     except OSError as error:
         raise WriteError(f"--log-file {log_file}: the log cannot be written: {error.strerror or error}") from None
-    with log:
-        output = Output(quiet=quiet, as_json=as_json, log=log, verbose=verbose)
+    # A path may hold bytes that are no letters.
+    with io.TextIOWrapper(io.BufferedWriter(file), "utf-8", "backslashreplace") as log:
+        output, left = Output(quiet=quiet, as_json=as_json, log=log, verbose=verbose), None
         try:
             yield output
         except CmsReduceError as error:
@@ -163,6 +163,36 @@ def opened_output(*, quiet: bool, as_json: bool, log_file: Path | None, verbose:
         except KeyboardInterrupt:
             log.write("interrupted\n")
             raise
+        except SystemExit as error:
+            left = error
+    if file.fault is not None:
+        raise WriteError(
+            f"--log-file {log_file}: the log is not complete: {file.fault.strerror or file.fault}; the command did all "
+            "else. Free space, or choose another disk"
+        )
+    if left is not None:
+        raise left
+
+
+class _LogFile(io.FileIO):
+    """File on a disk that may become full: no run is lost for it, and the first error is kept."""
+
+    fault: OSError | None = None
+
+    def write(self, data: Any, /) -> int:
+        """Write, or lose what does not fit."""
+        try:
+            return super().write(data) or 0
+        except OSError as error:
+            self.fault = self.fault or error
+            return len(memoryview(data).cast("B"))
+
+    def close(self) -> None:
+        """Close; some disks say only here that they are full."""
+        try:
+            super().close()
+        except OSError as error:
+            self.fault = self.fault or error
 
 
 def standard_console(width: int = _PLAIN_WIDTH, *, wrapped_by_terminal: bool = False) -> Console:
