@@ -10,11 +10,13 @@ import h5py
 import numpy as np
 import pytest
 
+from cmsreduce.config import load_pipeline
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import RunResult
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.store import DIAGNOSTICS
-from tests.pipeline.study import PIPELINE, arm, write_body
+from tests.pipeline.study import PIPELINE, Log, arm, write_body
+from tests.pipeline.test_reuse import done
 
 COUNT = "the count of motions of negative energy of '{}'"
 
@@ -152,3 +154,18 @@ def test_a_body_with_wheels_is_read_anew(opened: Callable[..., Run], study: Path
     text = PIPELINE.replace("    geometry: arm.bdf\n", "    geometry: arm.bdf\n" + wheel)
     assert proven_of(opened(text=text), "arm") == proven_of(opened(text=text), "arm") == ["arm"]
     assert not (study.parent / "out" / "stages" / "arm.read.h5").exists()
+
+
+def test_a_run_is_the_same_whatever_folder_its_command_is_called_in(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `cmsreduce run study.yaml` beside the file, then `report` or a run elsewhere: no body is proven again."""
+    monkeypatch.chdir(study.parent)
+    first = Run(load_pipeline(Path(study.name)), study.parent / "out", Log())
+    reads(first, study)
+    monkeypatch.chdir(tmp_path)
+    again = Run(load_pipeline(study), study.parent / "out", Log())
+    reads(again, study)
+    assert (proven(first), proven(again), done(again)) == (["arm", "panel"], [], [])
+    # Elements are drawn from the files of the deck.
+    assert all(Path(source.path).is_file() for source in again.bodies["arm"].body.sources)

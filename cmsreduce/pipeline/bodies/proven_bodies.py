@@ -170,9 +170,12 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     if proof.status == "proven" and proof.motions and not determined.held:
         # Rows along a plane or a line do not show all six.
         shown = min(proof.motions, _shown_motions(body))
+    # A later run, in another folder, draws the elements of these files.
+    found = tuple(replace(source, path=str(Path(source.path).absolute())) for source in body.sources)
+    parts = {field.name: getattr(body, field.name) for field in fields(body) if field.name != _SOUND}
     every = (*proved.proofs, rigid_motions_proof(body, rigid.shape[1], shown))
     return ProvenBody(
-        {field.name: getattr(body, field.name) for field in fields(body) if field.name != _SOUND},
+        {**parts, "sources": found},
         determined.motions,
         determined.held,
         determined.lost,

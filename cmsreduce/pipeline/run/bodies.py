@@ -90,7 +90,7 @@ class BodyStages(ReadStages):
         sets = self.mode_sets
         if not sets.searched:
             return None
-        return cutoff_key(self.pipeline, self.bodies, {name: sets.stated(name) for name in sets.names}, sets.unneeded)
+        return cutoff_key(self.keyed, self.bodies, {name: sets.stated(name) for name in sets.names}, sets.unneeded)
 
     @property
     @stage(
@@ -286,7 +286,7 @@ class BodyStages(ReadStages):
     @stage(
         "reference",
         what=lambda run, name: f"{name}.static",
-        key=lambda run, name: stage_key("verify", run.proof_key(name), read_key(run.pipeline, name)),
+        key=lambda run, name: stage_key("verify", run.proof_key(name), read_key(run.keyed, name)),
         stored="in common",
     )
     def unit_loads(self, name: str) -> UnitLoads:

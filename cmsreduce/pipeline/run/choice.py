@@ -69,7 +69,7 @@ class ChoiceStages(BodyStages):
     def _comparison_key(self) -> str:
         labels = {name: found.label for name, found in self.references.items()}
         keys = {name: self._reference_key(name) for name in labels}
-        return reference_model_key(self.pipeline, self._points, keys | {f"{n}.label": t for n, t in labels.items()})
+        return reference_model_key(self.keyed, self._points, keys | {f"{n}.label": t for n, t in labels.items()})
 
     @property
     @stage("", key=_comparison_key, stored="never", common=1)
@@ -99,7 +99,7 @@ class ChoiceStages(BodyStages):
 
     def _system_key(self, stage: str) -> str:
         bodies = {name: self.mode_sets.modal_key(name) for name in self.bodies}
-        return system_key(stage, self.pipeline, self._points, bodies, self.controller)
+        return system_key(stage, self.keyed, self._points, bodies, self.controller)
 
     @property
     def _ranks(self) -> bool:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+from pydantic import BaseModel
 
 from cmsreduce import __version__
 from cmsreduce.config import CLOSED_LOOP, Pipeline, RankingKeys
@@ -14,6 +17,7 @@ from cmsreduce.pipeline.store import stage_key
 from cmsreduce.read import sha256_of
 
 __all__ = [
+    "absolute_files",
     "body_key",
     "file_size",
     "named_files",
@@ -30,6 +34,21 @@ _DOWNSTREAM = {"reduce", "balance"}
 _OF_THE_PLACE = {"like", "place", "balance", "write"}
 # Lists of dofs, expanded elements and superelements, which have the stem of a file that is named.
 _BESIDE = (".dof", ".12d", ".12D", ".asm", ".ASM", ".pch", ".PCH")
+
+
+def absolute_files(keys: Any) -> Any:
+    """The pipeline, or a part of it, with absolute paths: no key depends on the folder that a command is called in."""
+    if isinstance(keys, Path):
+        try:
+            return Path(os.path.normpath(keys.absolute()))
+        except FileNotFoundError:
+            # The present folder was removed, and only absolute paths lead to files.
+            return keys
+    if isinstance(keys, BaseModel):
+        return keys.model_copy(update={name: absolute_files(value) for name, value in keys})
+    if isinstance(keys, Mapping):
+        return {name: absolute_files(value) for name, value in keys.items()}
+    return type(keys)(map(absolute_files, keys)) if isinstance(keys, (list, tuple)) else keys
 
 
 def body_key(pipeline: Pipeline, name: str) -> str:

@@ -21,7 +21,7 @@ from cmsreduce.pipeline.bodies import (
     proven_body,
     read_rigid,
 )
-from cmsreduce.pipeline.run.keys import body_key, file_size, proof_key, read_key
+from cmsreduce.pipeline.run.keys import absolute_files, body_key, file_size, proof_key, read_key
 from cmsreduce.pipeline.store import (
     CommonWork,
     Failures,
@@ -90,6 +90,7 @@ class ReadStages:
         common: CommonWork | None = None,
     ) -> None:
         self.pipeline, self.folder = pipeline, folder
+        self.keyed: Pipeline = absolute_files(pipeline)
         self.stages = Stages(folder, progress, only, SolverSettings(**pipeline.solver.model_dump()), common)
         self.scene: Scene = build_scene(pipeline)
         self.rigid_bodies: dict[str, RigidBody] = {
@@ -125,7 +126,7 @@ class ReadStages:
 
     @stage(
         "",
-        key=lambda run, name: read_key(run.pipeline, name),
+        key=lambda run, name: read_key(run.keyed, name),
         notes=lambda run, found, name: found.notes,
         stored="never",
         common=HELD,
@@ -175,12 +176,12 @@ class ReadStages:
     @once
     def proof_key(self, name: str) -> str:
         """Hash of all that a body as read and proven depends on."""
-        return proof_key(self.pipeline, name)
+        return proof_key(self.keyed, name)
 
     @once
     def body_key(self, name: str) -> str:
         """Hash of the keys that say which body a component is."""
-        return body_key(self.pipeline, name)
+        return body_key(self.keyed, name)
 
     @property
     @once
