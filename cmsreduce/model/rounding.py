@@ -7,6 +7,8 @@ larger numbers that cancelled before the entry was stored, as in condensation. T
 
 from __future__ import annotations
 
+from decimal import Decimal
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ __all__ = [
     "PRINTED",
     "SINGLE",
     "entry_errors",
+    "last_digits",
     "pattern_errors",
     "rounding_of_values",
     "spread_noise",
@@ -127,6 +130,29 @@ def _decimal_rounding(sample: Array) -> float:
     most = int(of_all.max(initial=0))
     alike = of_all.size >= _FEWEST_VALUES and np.mean(of_all == most) >= _ALIKE
     return 0.5 * 10.0**-most if alike and most >= _FEWEST_DIGITS else DOUBLE
+
+
+def last_digits(values: Array) -> tuple[float, int] | None:
+    """Unit of the last decimal place of all numbers, and the largest number of significant digits of one of them.
+
+    Returns
+    -------
+    tuple of float and int, or None
+        None if one of the numbers has all digits of a double, or there is none.
+
+    Examples
+    --------
+    >>> last_digits(np.array([1200.0, -350.0, 0.0])), last_digits(np.array([0.25, 1.5, 40.0]))
+    ((10.0, 2), (0.01, 2))
+    """
+    places, most = [], 0
+    for value in np.unique(abs(values[values != 0])).tolist():
+        _, digits, place = Decimal(repr(value)).normalize().as_tuple()
+        if len(digits) > _MOST_DIGITS:
+            return None
+        places.append(int(place))
+        most = max(most, len(digits))
+    return (float(f"1e{min(places)}"), most) if places else None
 
 
 def entry_errors(values: Array, rounding: float) -> Array:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
+from cmsreduce.model import DofTable, FEModel, Nodes, entry_errors, last_digits, rigid_body_shapes
 from cmsreduce.read.row_order.deck_causes import hourglass_stiffness, preload
 from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
 from cmsreduce.read.row_order.places_by_motion import other_labels
@@ -28,6 +29,10 @@ _AXES, _TRIED = 9, 5
 _LENGTHS = {"metres": 1.0, "millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048}
 # Relative to the largest force on a row: a smaller one is round-off.
 _NO_FORCE = 1e-6
+# Rows in a wrong order leave 0.2 to 1.2 of the stiffness; digits that leave as much prove nothing.
+_MISPLACED = 0.1
+# A half may be rounded up or down.
+_HALVES = 1 + 1e-6
 # Relative error of a factor between units that least squares find.
 _SAME_FACTOR = 1e-3
 
@@ -94,6 +99,7 @@ def likely_cause(case: Failure) -> str:
         _other_length_unit,
         _mislabelled,
         _places_by_motion,
+        _rounded_stiffness,
         _springs_between_apart_nodes,
         _held_to_ground,
         _coarse_coordinates,
@@ -231,6 +237,27 @@ def _places_by_motion(case: Failure) -> str | None:
             return (
                 f"by the motions that cost no force, {what}; so the forces vanish. Give the order of the rows as a "
                 "list of node.component under `rows:`"
+            )
+    return None
+
+
+def _rounded_stiffness(case: Failure) -> str | None:
+    """The entries of the stiffness were rounded: half a unit of their last digit explains all forces."""
+    K, size = case.body.K, abs(case.found.shapes)
+    shown = last_digits(K.data)
+    if shown is None or float(case.found.relative.max(initial=0.0)) >= _MISPLACED:
+        return None
+    step, digits = shown
+    for errors, words in (
+        (np.full(K.nnz, 0.5 * step), "whole numbers" if step == 1 else f"multiples of {step:g}"),
+        (entry_errors(K.data, 0.5 * 10.0**-digits), f"{digits} digits"),
+    ):
+        wrong = sp.csc_array((errors, K.indices, K.indptr), shape=K.shape)
+        if (abs(case.found.force) <= wrong @ size * _HALVES).all():
+            return (
+                f"the entries of the stiffness are rounded to {words}, which explains all these forces: a stiffness "
+                "that resists rigid motion holds the body where nothing does. Write the matrix with all digits of a "
+                "double-precision number"
             )
     return None
 

@@ -105,6 +105,29 @@ def test_the_tolerance_follows_the_digits_of_the_file(space_frame: Frame, roundi
         assert "node" in refusal(replace(body, K=printed))
 
 
+def rounded(K: sp.csc_array, digits: int | None, step: float = 1.0) -> sp.csc_array:
+    """Entries with a few digits, or as multiples of a step."""
+    data = np.round(K.data / step) * step if digits is None else [float(f"{v:.{digits - 1}e}") for v in K.data]
+    return sp.csc_array((data, K.indices, K.indptr), shape=K.shape)
+
+
+@pytest.mark.parametrize(("digits", "words"), [(4, "4 digits"), (5, "5 digits"), (None, "multiples of 1000")])
+def test_rounded_entries_are_named_and_not_mistaken_for_shuffled_rows(
+    space_frame: Frame, digits: int | None, words: str
+) -> None:
+    body = space_frame(FRAMES)
+    # The largest entries have seven digits before the point.
+    sound = body.K * (3.1e6 / abs(body.K).max())
+    coarse = replace(body, K=rounded(sound, digits, 1000.0))
+    assert f"Likely cause: the entries of the stiffness are rounded to {words}, " in refusal(coarse)
+    shuffled = refusal(replace(coarse, dofs=swapped(body.dofs, 10, 40)))
+    assert "rounded" not in shuffled and "40" in shuffled
+    # A spring that is no rounding.
+    row = body.dofs.rows(25, [1])[0]
+    held = coarse.K + sp.csc_array(([2.0e5], ([row], [row])), shape=sound.shape)
+    assert "rounded" not in refusal(replace(coarse, K=held))
+
+
 def test_the_tolerance_follows_the_digits_of_coordinates_and_frames(space_frame: Frame) -> None:
     body = space_frame(FRAMES)
     assert body.nodes is not None
