@@ -52,15 +52,18 @@ class ShapeFlexibility:
 
     def between(self, L: Array, R: Array) -> Complex:
         """L Y R^T at every frequency (f, l, r), for rows (l, k) and (r, k)."""
+        f, p = self.weights.shape
         table = (L @ self.left)[:, None, :] * (R @ self.right.T)
-        return np.asarray(self.weights @ table.reshape(-1, self.weights.shape[1]).T).reshape(-1, len(L), len(R))
+        # All numbers are stated, because a body may have no shape.
+        return np.asarray(self.weights @ table.reshape(len(L) * len(R), p).T).reshape(f, len(L), len(R))
 
     def amplitudes(self, R: Array, forces: Complex) -> Complex:
         """Y R^T forces at every frequency (f, k, p), for rows (r, k) and forces (f, r, p)."""
         f, r, p = forces.shape
-        each = (forces.transpose(0, 2, 1).reshape(-1, r) @ (R @ self.right.T)).reshape(f, p, -1)
-        found = (each * self.weights[:, None, :]).reshape(f * p, -1) @ self.left.T
-        return np.asarray(found).reshape(f, p, -1).transpose(0, 2, 1)
+        terms = self.weights.shape[1]
+        each = (forces.transpose(0, 2, 1).reshape(f * p, r) @ (R @ self.right.T)).reshape(f, p, terms)
+        found = (each * self.weights[:, None, :]).reshape(f * p, terms) @ self.left.T
+        return np.asarray(found).reshape(f, p, len(self.left)).transpose(0, 2, 1)
 
 
 @dataclass(frozen=True, eq=False)
