@@ -119,6 +119,12 @@ class ResponseShapes:
         self._aim = _BETWEEN_AIM if covers else 1.0
         self.bodies = {name: self._candidates(name, source) for name in kept}
         self.sampled = SampledScene(source, self.bodies, comparison.reference)
+        if not self.sampled.bodies:
+            raise ConfigError(
+                "project.responses: no body has an elastic mode to make shapes of: all are kept rigid, because no "
+                "response of the scene needs them, or their cutoff is below their first mode. Take `project:` out, or "
+                "raise reduce.cutoff"
+            )
         every = scene.configurations
         self.chosen = [every[k] for k in sorted({*np.linspace(0, len(every) - 1, min(len(every), _FIRST)).astype(int)})]
         self._seen = 0
