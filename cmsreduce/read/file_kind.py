@@ -112,7 +112,7 @@ def _matches(pattern: bytes) -> Callable[[bytes], bool]:
 _MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf))"
 # MBDyn reads by record groups, and some writers have other words before them.
 _MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:\*\*[^\n]*\n|\s*\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
-_SUBSTRUCTURE = rb"\A(?:\*\*[^\n]*\n)*\*USER ELEMENT\b"
+_SUBSTRUCTURE = rb"\A(?:\xef\xbb\xbf)?(?:\s*\*\*[^\n]*\n)*\s*\*\s*USER\s*ELEMENT\b"
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:\s*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 _MARKS = (

@@ -112,6 +112,16 @@ def test_a_file_is_what_its_content_says(tmp_path: Path, name: str, suffix: str)
             assert f"this is {kind.words}, which holds no " in said
 
 
+@pytest.mark.parametrize("dofs", ["1, 2, 3", "1, 1, 3", "1, 2, 3, 4, 5, 6"])
+@pytest.mark.parametrize("start", ["", "\n** ABAQUS\n", "**\r\n"])
+def test_the_dofs_of_a_substructure_are_no_entries(tmp_path: Path, dofs: str, start: str) -> None:
+    """Three dofs of a node read like an entry 'i j value'."""
+    path = tmp_path / "job.mtx"
+    path.write_text(f"{start}*USER ELEMENT, NODES=2, LINEAR\n{dofs}\n*MATRIX,TYPE=STIFFNESS\n 1.0,\n -1.0, 1.0\n")
+    with pytest.raises(ReadError, match=r"this is a substructure \(\*USER ELEMENT\) of Abaqus or CalculiX"):
+        matrix_names(path)
+
+
 def test_nastran_and_hdf5_files_of_programs(tmp_path: Path) -> None:
     op4.write(str(tmp_path / "a"), {"KAA": K})
     assert file_kind(tmp_path / "a").matrices == "op4"

@@ -32,6 +32,10 @@ _SKIPPED = "#%$*"  # first characters of comments, and of keywords of Abaqus
 _MARKS = tuple(mark.encode() for mark in _SKIPPED)
 _PLAIN_LIST = re.compile(r"(?:[0-9]{1,15}\.[0-6]\n)+[0-9]{1,15}\.[0-6]\n?")
 _KEYWORD = re.compile(rb"\s*\*\s*MATRIX", re.IGNORECASE)
+# A keyword line that ends with a comma goes on with a parameter, which begins with a letter.
+_CONTINUED = re.compile(rb"^([ \t]*\*[ \t]*[A-Za-z][^\n]*,)[ \t]*\n[ \t]*([A-Za-z][^\n]*)", re.MULTILINE)
+# Keywords of files that hold something else: decks, and substructures, whose lists of dofs read like entries.
+_OTHER_KEYWORD = re.compile(r"\s*\*\s*(?:USER\s*ELEMENT|MATRIX(?=\s*,)|HEADING|PART|NODE|ELEMENT)\b", re.IGNORECASE)
 _FACTOR = re.compile(rb"SCALEFACTOR=([^,\n]*)")
 _DOF = re.compile(r"(\d+)(?:\s*[.,;]\s*|\s+)([0-6])")
 
@@ -106,7 +110,7 @@ def _entries_only(path: Path) -> tuple[bytes, bool, float]:
 
     Their lines become empty, so that the other lines keep their numbers.
     """
-    text = read_lines(path)
+    text = _whole_keywords(read_lines(path))
     symmetric, factor = True, 1.0
     if any(mark in text for mark in _MARKS):
         lines = text.split(b"\n")
@@ -118,6 +122,13 @@ def _entries_only(path: Path) -> tuple[bytes, bool, float]:
             factor = number_of(found[1].decode())
         text = b"\n".join(b"" if line.lstrip().startswith(_MARKS) else line for line in lines)
     return text, symmetric, factor
+
+
+def _whole_keywords(text: bytes) -> bytes:
+    """Text with each keyword on one line, and an empty line for each line that it went on in."""
+    while b"*" in text and (found := _CONTINUED.search(text)):
+        text = b"".join((text[: found.start()], found[1], found[2], b"\n", text[found.end() :]))
+    return text
 
 
 def _matrix(
@@ -219,7 +230,9 @@ def _first_lines(path: Path, head: bytes) -> list[str]:
     """Lines of the head that are no comments, without the last one if the end of the head cuts it."""
     if not is_text(head):
         return []
-    lines = head.decode("utf-8-sig", errors="replace").splitlines()
+    lines = _whole_keywords(head.replace(b"\r\n", b"\n")).decode("utf-8-sig", errors="replace").splitlines()
+    if any(_OTHER_KEYWORD.match(line) for line in lines):
+        return []
     found = [line for line in lines if line.strip() and line.lstrip()[0] not in _SKIPPED]
     return found[:-1] if len(found) > 1 and path.stat().st_size > len(head) else found
 
