@@ -12,6 +12,7 @@ import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
+from cmsreduce.read.files import read_head, require_file
 from cmsreduce.read.formats import Geometry, GeometryFormat, StatedLength
 from cmsreduce.read.libraries import Arrays, arrays_of, cells_of
 from cmsreduce.read.printed_numbers import coordinate_rounding, decimals, real_number
@@ -20,6 +21,8 @@ __all__ = ["UNIVERSAL", "universal_arrays"]
 
 # The mark of a dataset, then its number.
 _START = re.compile(r"\s*-1\s*\n\s*\d{2,5}[bB]?\s")
+# The line before and behind each dataset, and what pyuff takes for it: the end of a line of numbers, too.
+_LINE, _TAKEN = re.compile(rb"^ {4}-1[ \t]*\r?$", re.MULTILINE), re.compile(rb" {4}-1(?=[\r\n]|\Z| {74})")
 # Dataset 164: code and description of the units, then how many of them a metre, a newton and a kelvin are, in
 # columns of 25.
 _UNITS = re.compile(r"^\s*-1\s*\n\s*164\s*\n[^\n]*\n([^\n]{1,25})", re.MULTILINE)
@@ -33,8 +36,18 @@ def universal_arrays(path: Path) -> Arrays:
     Raises
     ------
     ReadError
-        If the library is missing or cannot read the file.
+        If the library is missing or cannot read the file, or if the library would leave a dataset out.
     """
+    require_file(path)
+    content = read_head(path, path.stat().st_size)
+    lines, taken = len(_LINE.findall(content)), len(_TAKEN.findall(content))
+    if lines % 2:
+        raise ReadError(f"{path}: the universal file is truncated: its last dataset has no end; write or copy it again")
+    if taken != lines:
+        raise ReadError(
+            f"{path}: a line of numbers ends with -1, which pyuff takes for the end of a dataset; write the nodes, "
+            "elements and modes without the dataset of that line"
+        )
     return arrays_of(path, "universal", lambda reason: _refused(path, reason))
 
 

@@ -171,6 +171,11 @@ def _mode(name: str, path: Path, figures: Array, given: NDArray[np.generic]) -> 
             f"{path}: mode {number:g} has {given.shape[-1]} numbers at a node, where a motion has three or six"
         )
     shape = given.astype(np.complex128)
+    if not (np.isfinite(figures).all() and np.isfinite(shape).all()) or hz < 0:
+        raise ReadError(
+            f"{path}: mode {number:g} ({hz:g} Hz) has a negative frequency, or a number that is infinite or none: the "
+            "program that wrote it failed there; write it again"
+        )
     turn = np.exp(-0.5j * np.angle((shape**2).sum()))
     shape = shape * turn
     apart = float(np.linalg.norm(shape.imag) / max(np.linalg.norm(shape), np.finfo(float).tiny))

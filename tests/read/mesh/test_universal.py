@@ -50,3 +50,21 @@ def test_no_nodes(tmp_path: Path) -> None:
     path.write_text("    -1\n   164\n         1SI: Meter\n    -1\n")
     with pytest.raises(ReadError, match=r"empty\.unv: .*(no nodes in it|cannot read)"):
         read_geometry(path)
+
+
+@pytest.mark.parametrize("bytes_left_out", [8, 60])
+def test_a_file_that_was_cut_loses_no_dataset(tmp_path: Path, bytes_left_out: int) -> None:
+    """Nodes of the whole dataset before were all there was."""
+    path = write(tmp_path / "part.unv", 2411)
+    whole = path.read_bytes()
+    path.write_bytes((whole + whole.replace(b"         7", b"        17"))[:-bytes_left_out])
+    with pytest.raises(ReadError, match=r"part\.unv: the universal file is truncated"):
+        read_geometry(path)
+
+
+def test_a_line_of_numbers_that_ends_with_the_mark_of_a_dataset(tmp_path: Path) -> None:
+    path = write(tmp_path / "part.unv", 2411)
+    other = "    -1\n  2435\n         1         0        -1\n         2         0        -1\n    -1\n"
+    path.write_text(other + path.read_text())
+    with pytest.raises(ReadError, match="a line of numbers ends with -1, which pyuff takes for the end of a dataset"):
+        read_geometry(path)

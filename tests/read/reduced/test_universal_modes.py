@@ -123,6 +123,8 @@ def test_complex_modes_with_little_phase_are_made_real_with_the_figure(tmp_path,
         ({"masses": np.zeros(30)}, {}, r"mode 1 \(0 Hz\) of .* has modal mass 0, so that its shape has no scale"),
         ({}, {"modal_mass": (1.0, 2.0)}, r"2 modal masses are given, but .* has 30 modes"),
         ({"spec_data_type": 12}, {}, r"only shapes of accelerations: write them as displacements"),
+        ({"freq": -1.0}, {}, r"mode 1 \(-1 Hz\) has a negative frequency, or a number that is infinite or none"),
+        ({"r2": np.full(5, np.nan)}, {}, r"mode 1 \(0 Hz\) has a negative frequency, or a number that is infinite or"),
         ({"elastic": True}, {}, r"none of its 24 modes is a rigid motion"),
     ],
 )
