@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
+
+from cmsreduce.errors import ReadError
 
 __all__ = ["echoed_deck", "is_listing"]
 
@@ -20,34 +23,48 @@ def is_listing(text: str) -> bool:
     return _SORTED.search(text) is not None
 
 
-def echoed_deck(lines: Sequence[str]) -> list[str]:
+def echoed_deck(path: Path, lines: Sequence[str]) -> list[str]:
     """Deck that a listing echoes: its case control, and its bulk data in the order of NASTRAN.
 
     Parameters
     ----------
+    path : Path
+        The listing, for messages.
     lines : sequence of str
-        Lines of a listing.
+        Its lines.
 
     Returns
     -------
     list of str
         As many lines as given, so that messages name those of the listing; empty where it echoes nothing.
+
+    Raises
+    ------
+    ReadError
+        If the echo has no end, because the listing was cut.
     """
-    found, page, section = [], "", None
+    found, page, section, ended = [], "", None, False
     for line in lines:
         case, bulk = _CASE.search(line), _SORTED.search(line)
         text = ""
         if case is not None:
             page, text = "case", "CEND"
         elif bulk is not None:
-            page, number = "bulk", bulk[1] or ""
+            page, number, ended = "bulk", bulk[1] or "", False
             if number != section:
                 text = f"BEGIN SUPER={number}" if number else "BEGIN BULK"
             section = number
         elif _PAGE.search(line):
             page = ""
+        elif page == "bulk" and line.strip() == "ENDDATA":
+            page, ended = "", True
         elif page:
             matched = (_CARD if page == "bulk" else _CASE_LINE).match(line)
             text = "" if matched is None else matched[1]
         found.append(text)
+    if not ended:
+        raise ReadError(
+            f"{path}: the listing is truncated: its sorted echo of the bulk data has no ENDDATA; copy the whole file, "
+            "or name the deck"
+        )
     return found

@@ -44,3 +44,15 @@ def test_pages_case_control_and_superelements(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("2.      3.", "y.      3."))
     with pytest.raises(ReadError, match="line 12"):
         read_geometry(path)
+
+
+@pytest.mark.parametrize("left", [1, 2, 4])
+def test_a_listing_that_was_cut_is_no_deck_with_fewer_nodes(tmp_path: Path, left: int) -> None:
+    cards = "".join(f"{k:19d}-        GRID    {k:<8d}        {k}.0     0.      0.\n" for k in range(1, 5))
+    listing = f"1  A  PAGE  1\n0      S O R T E D   B U L K   D A T A   E C H O\n  ENTRY\n{cards}"
+    path = tmp_path / "body.f06"
+    path.write_text(f"{listing}                       ENDDATA\n0  TOTAL COUNT=   5\n1  A  PAGE  2\n0  RESULTS\n")
+    assert read_geometry(path).nodes.id.tolist() == [1, 2, 3, 4]
+    path.write_text("".join(listing.splitlines(keepends=True)[: 3 + left]))
+    with pytest.raises(ReadError, match=r"body\.f06: the listing is truncated: .* has no ENDDATA"):
+        read_geometry(path)

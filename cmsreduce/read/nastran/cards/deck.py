@@ -82,7 +82,7 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     """
     text = _text_of(path)
     if is_listing(text.content):
-        text = _Text("\n".join(echoed_deck(text.lines)))
+        text = _Text("\n".join(echoed_deck(path, text.lines)))
     reader = _Reader("executive" if text.has_control else "bulk", path.parent, frozenset(names))
     reader.read_file(path, text)
     reader.close_card()
