@@ -58,17 +58,23 @@ def refuse_foreign(outputs: Iterable[Path], inputs: Sequence[Path] = ()) -> None
 def refuse_shared_names(outputs: Sequence[Path]) -> None:
     """Refuse a run of which two results would be one file, such as that of a component and of the system.
 
+    The disks of macOS and Windows do not tell capitals apart, and results are taken there.
+
     Raises
     ------
     WriteError
         For the first name that two of the files have.
     """
-    for number, path in enumerate(outputs):
-        if path in outputs[:number]:
-            raise WriteError(
-                f"{path}: two results of this run would have this name, and the second would replace the first; give "
-                "the component another name, or leave one of the formats out"
-            )
+    seen: dict[str, Path] = {}
+    for path in outputs:
+        other = seen.setdefault(str(path).casefold(), path)
+        if other is path:
+            continue
+        alike = "" if other == path else f" ({other.name} is another one on some disks only)"
+        raise WriteError(
+            f"{path}: two results of this run would have this name{alike}, and the second would replace the first; "
+            "give the component another name, or leave one of the formats out"
+        )
 
 
 def record_outputs(folder: Path, outputs: Iterable[Path]) -> Path:

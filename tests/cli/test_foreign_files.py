@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import h5py
@@ -98,6 +99,15 @@ def test_two_results_of_one_name_are_refused(study: Path) -> None:
     study.write_text(text.replace("system-0.op4", "arm.op4").replace("system-0.bdf", "arm.bdf"))
     found = call("run", study, "--quiet", "--set", "write.formats=[fmi]")
     assert found.exit_code == 2 and "system-0.fmu: two results of this run would have this name" in found.stderr
+
+
+def test_results_whose_names_differ_in_capitals_only_are_refused(study: Path) -> None:
+    """On a disk that does not tell them apart, one body's file would be the other's."""
+    text = study.read_text().replace("panel", "Arm")
+    study.write_text(text.replace("Arm.op4", "panel.op4").replace("Arm.bdf", "panel.bdf"))
+    found = call("run", study, "--quiet")
+    assert found.exit_code == 2
+    assert re.search(r"two results of this run would have this name \(\w+.h5 is another one on some", found.stderr)
 
 
 def test_clearing_the_cache_leaves_foreign_files(study: Path) -> None:
