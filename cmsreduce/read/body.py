@@ -100,6 +100,9 @@ def read_body(
         for kind, source in {"stiffness": stiffness, "mass": mass, "damping": damping_matrix}.items()
         if source is not None
     }
+    for one in matrices.values():
+        # Before the rows are looked for in the geometry, which would be blamed.
+        _refuse_other_shape(name, one)
     sources = _sources(matrices, shape, dof_list)
     # The type of a file may have more digits than its numbers. Those of K tell: masses are often typed.
     shown = rounding_of_values(matrices["stiffness"].A.data)
@@ -294,13 +297,20 @@ def _on_common_rows(
     return dofs, [one.on(dofs) for one in labelled]
 
 
+def _refuse_other_shape(body: str, matrix: LabelledMatrix) -> None:
+    rows, cols = matrix.A.shape
+    if rows == cols > 0:
+        return
+    fault = "matrices of a body are square" if rows != cols else "it is empty, as where a set of the run had no dofs"
+    raise MatrixError(
+        f"body '{body}': matrix '{matrix.name}' of {matrix.path} is {rows} x {cols}; {fault}: name another matrix, or "
+        "write it again"
+    )
+
+
 def _labelled(body: str, matrix: LabelledMatrix, dofs: DofTable, first: LabelledMatrix) -> LabelledMatrix:
     """The matrix with its own labels, or else with the dofs of the body."""
     rows, cols = matrix.A.shape
-    if rows != cols:
-        raise MatrixError(
-            f"body '{body}': matrix '{matrix.name}' of {matrix.path} is {rows} x {cols}; matrices of a body are square"
-        )
     if matrix.dofs is not None:
         return matrix
     if rows != len(dofs) and matrix is not first and not (matrix.format == "abaqus" and rows < len(dofs)):

@@ -204,6 +204,15 @@ def test_a_rectangular_matrix_is_refused(tmp_path: Path) -> None:
         read_body("rod", stiffness=tall, mass=tall, geometry=deck)
 
 
+@pytest.mark.parametrize(("rows", "cols", "why"), [(0, 0, "it is empty"), (1, 0, "square"), (0, 3, "square")])
+def test_an_empty_matrix_is_no_fault_of_the_geometry(tmp_path: Path, rows: int, cols: int, why: str) -> None:
+    deck, path = write(tmp_path / "b.bdf", ["GRID,1", "GRID,2,,4."]), tmp_path / "k.npy"
+    np.save(path, np.zeros((rows, cols)))
+    for geometry in (deck, None):
+        with pytest.raises(MatrixError, match=rf"'k' of .*k\.npy is {rows} x {cols}; .*{why}"):
+            read_body("rod", stiffness=MatrixSource(path), mass=MatrixSource(path), geometry=geometry)
+
+
 @pytest.mark.shared
 @pytest.mark.parametrize(
     ("stiffness", "mass", "geometry", "n", "status", "motions", "at_most"),

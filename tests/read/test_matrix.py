@@ -255,3 +255,21 @@ def test_a_link_in_a_circle_and_a_device_are_named(tmp_path: Path) -> None:
         require_file(link)
     with pytest.raises(ReadError, match="is a device or a pipe"):
         require_file(Path("/dev/null"))
+
+
+@pytest.mark.parametrize("size", [0, 3])
+@pytest.mark.parametrize("kind", [float, complex])
+def test_a_matrix_of_zeros_is_one_in_every_format(tmp_path: Path, size: int, kind: type) -> None:
+    """As the damping of a body without dampers: no entry, no string, no column of the file holds a number."""
+    A = np.zeros((size, size))
+    np.save(tmp_path / "D.npy", A.astype(kind))
+    np.savez(tmp_path / "D.npz", D=A.astype(kind))
+    scipy.io.savemat(tmp_path / "D.mat", {"D": sp.csc_array(A.astype(kind))})
+    for binary in (True, False):
+        op4.write(str(tmp_path / f"{binary}.op4"), {"D": A}, binary=binary)
+    for layout, entries in (("coordinate", " 0"), ("array", "\n0" * size**2)):
+        head = f"%%MatrixMarket matrix {layout} real general\n"
+        (tmp_path / f"{layout}.mtx").write_text(f"{head}{size} {size}{entries}\n")
+    for path in sorted(tmp_path.iterdir()):
+        found = read_matrix(path).A
+        assert (found.shape, found.nnz) == ((size, size), 0), path.name

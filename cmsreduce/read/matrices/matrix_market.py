@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
@@ -176,8 +177,11 @@ def _load(
     end = head.end() if head else 0
     # Lines up to the sizes become empty, so that the other lines keep their numbers.
     body = b"\n" * text.count(b"\n", 0, end) + text[end:]
-    where, value, printed = read_entries(path, body, COORDINATE if array is None else VALUE)
     expected = count if array is None else array
+    if not expected and not body.strip():
+        # Zeros, such as of no damping.
+        return LabelledMatrix(sp.csc_array(shape), path.stem, path, "matrix-market", DOUBLE)
+    where, value, printed = read_entries(path, body, COORDINATE if array is None else VALUE)
     if value.size != expected:
         raise ReadError(
             f"{path}: the Matrix Market file has {value.size} entries where its header says {expected}; it is "

@@ -74,7 +74,7 @@ def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix
         raise ReadError(f"{path}: '{name}' holds {dtype}, not numbers; save a plain or sparse matrix of real numbers")
     if kind.startswith("complex"):
         # Programs for responses hold real matrices as complex ones.
-        if abs(array.imag).max():
+        if array.size and abs(array.imag).max():
             raise ReadError(f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real")
         array = array.real
         dtype = np.dtype(array.dtype)

@@ -75,6 +75,8 @@ def _load(path: Path, header: Op4Header, strings: PrintedStrings | None, name: s
     """Read one matrix."""
     with reading(path, f"OP4 matrix '{header.name}'"):
         parts = list(_binary_entries(path, header) if strings is None else _printed_entries(path, header, strings))
+        # A matrix of zeros, such as that of no damping, has no strings.
+        parts = parts or [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))]
         row, column, values = (np.concatenate(each) for each in zip(*parts, strict=True))
         A = canonical(row, column, values, (header.rows, header.cols))
     if header.form == SYMMETRIC:
