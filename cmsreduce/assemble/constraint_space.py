@@ -219,9 +219,9 @@ def connected_rows(A: Array | sp.csr_array) -> list[Indices]:
     """Group rows that share columns, directly or through others; rows without entries are in no group."""
     weights = sp.csr_array(A)
     c, n = weights.shape
-    entries = sp.coo_array(weights)
-    graph = sp.coo_array((np.ones(entries.nnz), (entries.row, c + entries.col)), shape=(c + n, c + n))
-    _, label = csgraph.connected_components(sp.csr_array(graph), directed=False)
+    starts = np.append(weights.indptr, np.full(n, weights.nnz))
+    graph = sp.csr_array((np.ones(weights.nnz), c + weights.indices, starts), shape=(c + n, c + n))
+    _, label = csgraph.connected_components(graph, directed=False)
     filled = np.flatnonzero(np.diff(weights.indptr))
     if not filled.size:
         return []

@@ -93,8 +93,8 @@ def balanced(rows: NDArray[np.float64], shapes: Matrix) -> NDArray[np.float64]:
         Motions of the points.
     """
     # The largest sum of absolute terms: what cancels is not made large.
-    terms = abs(sp.csr_array(rows)) @ abs(sp.csr_array(shapes))
-    size = float(terms.max()) if terms.nnz else 0.0
+    terms: Matrix = np.abs(rows) @ abs(shapes)
+    size = float(dense(terms).max(initial=0.0))
     return np.asarray(dense(rows @ shapes) / (size or 1.0))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -89,9 +91,7 @@ def refine(K: Array, M: Array, lam: Array, X: Array) -> tuple[Array, Array]:
     E = np.where(near, R / 2, step / np.where(near, 1.0, gap))
     X = X + X @ E
     np.fill_diagonal(near, False)
-    clusters, label = csgraph.connected_components(near, directed=False)
-    for number in np.flatnonzero(np.bincount(label, minlength=clusters) > 1):
-        own = np.flatnonzero(label == number)
+    for own in _clusters(near):
         x = X[:, own]
         try:
             X[:, own] = x @ la.eigh(_symmetric(x.T @ K @ x), _symmetric(x.T @ M @ x))[1]
@@ -102,6 +102,15 @@ def refine(K: Array, M: Array, lam: Array, X: Array) -> tuple[Array, Array]:
             ) from None
     weight = np.einsum("ij,ij->j", X, M @ X)
     return np.einsum("ij,ij->j", X, K @ X) / weight, X / np.sqrt(weight)
+
+
+def _clusters(near: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
+    """Numbers of the modes of each cluster, from pairs that are near each other (p, p)."""
+    # To look for clusters takes longer than all else in a small pencil, and most have none.
+    if near.any():
+        clusters, label = csgraph.connected_components(near, directed=False)
+        for number in np.flatnonzero(np.bincount(label, minlength=clusters) > 1):
+            yield np.flatnonzero(label == number)
 
 
 def elastic_pairs(K: Array, M: Array, rigid: Array, rounding: float = 2.0**-53) -> tuple[Array, Array]:
