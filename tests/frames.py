@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,6 +39,13 @@ def rotation(axis: Sequence[float], angle: float) -> np.ndarray:
 
 def beam_matrices(a: np.ndarray, b: np.ndarray, s: Section) -> tuple[np.ndarray, np.ndarray]:
     """Euler-Bernoulli stiffness and consistent mass of a bar between two points, basic axes (12, 12)."""
+    K, M = _of_bar(np.asarray(a, dtype=float).tobytes(), np.asarray(b, dtype=float).tobytes(), s)
+    return K.copy(), M.copy()
+
+
+@lru_cache(4096)
+def _of_bar(start: bytes, end: bytes, s: Section) -> tuple[np.ndarray, np.ndarray]:
+    a, b = np.frombuffer(start), np.frombuffer(end)
     L = float(np.linalg.norm(b - a))
     K, M = np.zeros((12, 12)), np.zeros((12, 12))
     ends = np.array([[1, -1], [-1, 1]])

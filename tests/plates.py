@@ -7,6 +7,7 @@ Tahar, ibid. 18 (1982). Each element is made in its plane, with w, and slopes b 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache, lru_cache
 
 import numpy as np
 import scipy.sparse as sp
@@ -90,8 +91,10 @@ def _tied_shear(x: Array, at: Array) -> Array:
     return np.stack([edge(0, 1) - c * at[1], edge(0, 2) + c * at[0]])
 
 
-def _rule(k: int) -> list[tuple[Array, float]]:
-    return _INSIDE if k == 3 else _GAUSS
+@cache
+def _rule(k: int) -> list[tuple[Array, float, Array, Array]]:
+    """Points of integration, their weights, and the derivatives of `_slopes` and `_quadratic` there."""
+    return [(at, weight, _slopes(k, at)[1], _quadratic(k, at)) for at, weight in (_INSIDE if k == 3 else _GAUSS)]
 
 
 def plate_stiffness(x: Array, laminate: Array, shear: float, kind: str) -> Array:
@@ -101,33 +104,68 @@ def plate_stiffness(x: Array, laminate: Array, shear: float, kind: str) -> Array
     middle, so that it fails in shapes that are no parallelograms.
     """
     k = len(x)
-    T = _of_edges(x)
     K = np.zeros((5 * k, 5 * k))
-    for at, weight in _rule(k):
-        J = _slopes(k, at)[1].T @ x
-        size = weight * np.linalg.det(J)
-        middle = weight * np.linalg.det(_slopes(k, np.zeros(2))[1].T @ x)
-        dN = _slopes(k, at)[1] @ np.linalg.inv(J).T
-        B = np.zeros((6, k, 5))
+    for size, bent, flat, G in _strains(x.tobytes(), k, kind):
+        K += bent * flat[3:].T @ laminate[3:, 3:] @ flat[3:]
+        K += size * (flat[:3].T @ laminate[:3] @ flat + flat[3:].T @ laminate[3:, :3] @ flat[:3])
+        K += size * shear * G.T @ G
+    return K
+
+
+@lru_cache(4096)
+def _strains(places: bytes, k: int, kind: str) -> list[tuple[float, float, Array, Array]]:
+    """Size of each point of integration, that for bending, and rows of strains, curvatures and shear: of any laminate.
+
+    Tests give the plates of one mesh many laminates.
+    """
+    x = np.frombuffer(places).reshape(k, 2)
+    T, found = _of_edges(x), []
+    middle = np.linalg.det(_slopes(k, np.zeros(2))[1].T @ x)
+    for at, weight, slopes, quadratic in _rule(k):
+        J = slopes.T @ x
+        size, inverse = weight * np.linalg.det(J), np.linalg.inv(J)
+        dN = slopes @ inverse.T
+        B, g = np.zeros((6, k, 5)), np.zeros((2, k, 5))
         B[0, :, 0] = B[2, :, 1] = dN[:, 0]
         B[1, :, 1] = B[2, :, 0] = dN[:, 1]
         if kind != "kirchhoff":
             B[3, :, 3] = B[5, :, 4] = dN[:, 0]
             B[4, :, 4] = B[5, :, 3] = dN[:, 1]
-            g = np.zeros((2, k, 5))
-            g[:, :, 2:] = (np.linalg.inv(J) @ _tied_shear(x, at)).reshape(2, k, 3)
-            G = g.reshape(2, -1)
-            K += size * shear * G.T @ G
+            g[:, :, 2:] = (inverse @ _tied_shear(x, at)).reshape(2, k, 3)
         else:
-            dP = _quadratic(k, at) @ np.linalg.inv(J).T
+            dP = quadratic @ inverse.T
             rows = np.zeros((3, 2 * k, 2))
             rows[0, :, 0] = rows[2, :, 1] = dP[:, 0]
             rows[1, :, 1] = rows[2, :, 0] = dP[:, 1]
             B[3:, :, 2:] = (rows.reshape(3, -1) @ T).reshape(3, k, 3)
-        flat = B.reshape(6, -1)
-        K += (middle if kind == "no patch test" else size) * flat[3:].T @ laminate[3:, 3:] @ flat[3:]
-        K += size * (flat[:3].T @ laminate[:3] @ flat + flat[3:].T @ laminate[3:, :3] @ flat[:3])
-    return K
+        bent = weight * middle if kind == "no patch test" else size
+        found.append((size, bent, B.reshape(6, -1), g.reshape(2, -1)))
+    return found
+
+
+@lru_cache(4096)
+def _in_space(places: bytes, k: int) -> tuple[float, Array, Array, Array]:
+    """Area of a plate, its corners in its plane (k, 2), five motions by six (5 k, 6 k), and drilling (6 k, 6 k)."""
+    p = np.frombuffer(places).reshape(k, 3)
+    normal = np.cross(p[2] - p[0], p[-1] - p[1])
+    area = np.linalg.norm(normal) / 2
+    normal = normal / (2 * area)
+    first = p[1] - p[0]
+    first = first - normal * (first @ normal)
+    first /= np.linalg.norm(first)
+    axes = np.stack([first, np.cross(normal, first), normal])
+    flat = (p - p.mean(axis=0)) @ axes[:2].T
+    # Slopes are turn x normal: b = (turn_y, -turn_x).
+    R, spins = np.zeros((k, 5, k, 6)), np.zeros((k, k, 6))
+    for i in range(k):
+        R[i, :3, i, :3] = axes
+        R[i, 3, i, 3:], R[i, 4, i, 3:] = axes[1], -axes[0]
+        d = _slopes(k, _SQUARE[i])[1]
+        d = d @ np.linalg.inv(d.T @ flat).T
+        spins[i, :, :3] = (d[:, :1] * axes[1] - d[:, 1:] * axes[0]) / 2
+        spins[i, i, 3:] = -normal
+    spin = spins.reshape(k, -1)
+    return float(area), flat, R.reshape(5 * k, 6 * k), spin.T @ spin
 
 
 def plate_body(
@@ -146,38 +184,17 @@ def plate_body(
     """
     x = np.array(xyz, dtype=float)
     n = 6 * len(x)
-    K, M = sp.lil_array((n, n)), np.zeros(n)
+    M = np.zeros(n)
+    entries: list[tuple[Array, Array, Array]] = []
     for e, cell in enumerate(cells):
-        at = np.array(cell) - 1
-        p, L = x[at], laminate(e)
-        normal = np.cross(p[2] - p[0], p[-1] - p[1])
-        area = np.linalg.norm(normal) / 2
-        normal = normal / (2 * area)
-        first = p[1] - p[0]
-        first = first - normal * (first @ normal)
-        first /= np.linalg.norm(first)
-        axes = np.stack([first, np.cross(normal, first), normal])
-        flat = (p - p.mean(axis=0)) @ axes[:2].T
+        at, L = np.array(cell) - 1, laminate(e)
         k = len(at)
-        own = plate_stiffness(flat, L, 5 / 6 * L[2, 2], kind)
-        # Slopes are turn x normal: b = (turn_y, -turn_x).
-        R = np.zeros((k, 5, k, 6))
-        for i in range(k):
-            R[i, :3, i, :3] = axes
-            R[i, 3, i, 3:], R[i, 4, i, 3:] = axes[1], -axes[0]
-        R = R.reshape(5 * k, 6 * k)
-        made = R.T @ own @ R
-        for i in range(k):
-            d = _slopes(k, _SQUARE[i])[1]
-            d = d @ np.linalg.inv(d.T @ flat).T
-            spin = np.zeros((k, 6))
-            spin[:, :3] = (d[:, :1] * axes[1] - d[:, 1:] * axes[0]) / 2
-            spin[i, 3:] = -normal
-            made += drilling * L[2, 2] * area / k * np.outer(spin.ravel(), spin.ravel())
+        area, flat, R, turned = _in_space(x[at].tobytes(), k)
+        made = R.T @ plate_stiffness(flat, L, 5 / 6 * L[2, 2], kind) @ R + drilling * L[2, 2] * area / k * turned
         dofs = (6 * at[:, None] + np.arange(6)).ravel()
-        K[np.ix_(dofs, dofs)] += made
+        entries.append((made.ravel(), np.repeat(dofs, dofs.size), np.tile(dofs, dofs.size)))
         M[dofs] += np.tile([1.0, 1, 1, 1e-6, 1e-6, 1e-6], k) * per_area * area / k
+    values, rows, columns = (np.concatenate(each) for each in zip(*entries, strict=True))
+    K = sp.csc_array(sp.coo_array((values, (rows, columns)), shape=(n, n)))
     table = DofTable(np.repeat(np.arange(1, len(x) + 1), 6), np.tile(np.arange(1, 7), len(x)))
-    return FEModel(
-        name, sp.csc_array(K), sp.csc_array(sp.diags_array(M)), table, Nodes.in_basic(range(1, len(x) + 1), x)
-    )
+    return FEModel(name, K, sp.csc_array(sp.diags_array(M)), table, Nodes.in_basic(range(1, len(x) + 1), x))
