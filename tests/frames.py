@@ -104,11 +104,13 @@ def frame(
         M[np.ix_(rows, rows)] += m
     for i, mass in (masses or {}).items():
         M[range(6 * i - 6, 6 * i - 3), range(6 * i - 6, 6 * i - 3)] += mass
-    axes = np.tile(np.eye(3), (len(at), 1, 1)) if axes is None else axes
-    T = np.zeros((n, n))
-    for i, A in enumerate(axes):
-        T[6 * i : 6 * i + 3, 6 * i : 6 * i + 3] = T[6 * i + 3 : 6 * i + 6, 6 * i + 3 : 6 * i + 6] = A
-    K, M = T @ K @ T.T, T @ M @ T.T
+    if axes is None:
+        axes = np.tile(np.eye(3), (len(at), 1, 1))
+    else:
+        T = np.zeros((n, n))
+        for i, A in enumerate(axes):
+            T[6 * i : 6 * i + 3, 6 * i : 6 * i + 3] = T[6 * i + 3 : 6 * i + 6, 6 * i + 3 : 6 * i + 6] = A
+        K, M = T @ K @ T.T, T @ M @ T.T
     node, component = np.repeat(np.arange(1, len(at) + 1), 6), np.tile(np.arange(1, 7), len(at))
     keep = ~np.isin(node, held)
     faces = {}

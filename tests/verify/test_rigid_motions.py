@@ -22,10 +22,9 @@ def frame(nodes: int, stiffness: float, *, slosh_hz: float | None = None, mass: 
     for i in range(nodes):
         for j in range(max(0, i - 11), i):
             along = xyz[i] - xyz[j]
-            g = np.zeros(K.shape[0])
-            g[3 * i : 3 * i + 3] = along / np.linalg.norm(along)
-            g[3 * j : 3 * j + 3] = -along / np.linalg.norm(along)
-            K += stiffness * np.outer(g, g)
+            g = np.concatenate([along, -along]) / np.linalg.norm(along)
+            ends = np.r_[3 * i : 3 * i + 3, 3 * j : 3 * j + 3]
+            K[np.ix_(ends, ends)] += stiffness * np.outer(g, g)
     k = 0.0 if slosh_hz is None else 0.1 * mass * (2 * np.pi * slosh_hz) ** 2
     M[-3:] = 0.1 * mass
     spring = np.kron([[1, -1], [-1, 1]], k * np.eye(3))
