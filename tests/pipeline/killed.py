@@ -2,6 +2,9 @@
 
 ``python killed.py PIPELINE NUMBER...``: one run for each number, which kills itself at so many files that it writes,
 when the file is whole under a temporary name but has not its own yet; 0 lets the run finish. One line of JSON for each.
+
+``python killed.py``: for each line ``[MOMENT, PIPELINE, OPTION...]`` one run, which is killed as it tells of the
+moment. The answer is its status.
 """
 
 from __future__ import annotations
@@ -54,6 +57,26 @@ def killed_at(number: int, path: Path) -> int:
     os._exit(99)
 
 
+def killed_when(moment: str, path: str, *options: str) -> int:
+    """Status of a run that is killed as it tells of a moment."""
+    said, tells = os.pipe()
+    child = os.fork()
+    if not child:
+        os.dup2(tells, 2)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.close(said)
+        try:
+            main(["run", path, "--verbose", *options])
+        except SystemExit as left:
+            os._exit(int(left.code or 0))
+        os._exit(99)
+    os.close(tells)
+    with os.fdopen(said) as lines:
+        if any(moment in line for line in lines):
+            os.kill(child, signal.SIGKILL)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
 def left_behind(folder: Path) -> dict[str, list[str]]:
     """Files under their own names, all of them whole, and temporary ones."""
     whole, temporary = [], []
@@ -79,13 +102,21 @@ def left_behind(folder: Path) -> dict[str, list[str]]:
     return {"whole": whole, "temporary": temporary}
 
 
-if __name__ == "__main__":
-    pipeline = Path(sys.argv[1])
+def files_one_by_one(pipeline: Path, numbers: list[int]) -> None:
+    """Runs that are killed while they write files."""
     out = load_pipeline(pipeline).output
-    load_libraries()
-    for number in map(int, sys.argv[2:]):
+    for number in numbers:
         status = killed_at(number, pipeline)
         left = left_behind(out) if out.is_dir() else {}
         sys.stdout.write(json.dumps({"status": status, **left}) + "\n")
         # The next run forks with what is not written yet, and may write it, too.
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    load_libraries()
+    if sys.argv[1:]:
+        files_one_by_one(Path(sys.argv[1]), [int(number) for number in sys.argv[2:]])
+    for call in sys.stdin if not sys.argv[1:] else ():
+        sys.stdout.write(f"{killed_when(*json.loads(call))}\n")
         sys.stdout.flush()

@@ -6,7 +6,7 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -18,6 +18,15 @@ from tests.pipeline.test_reuse import done, untimed
 
 STAGES = ["arm.read", "panel.read", "panel.reduce", "panel.orthogonalise", "arm.reduce", "arm.orthogonalise"]
 STAGES += ["system.balance", "system.verify"]
+
+
+@pytest.fixture(scope="module")
+def runs() -> Iterator[subprocess.Popen[str]]:
+    """A process that has loaded the libraries and forks off runs to kill."""
+    program = [sys.executable, killed.__file__]
+    with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        yield process
+        process.stdin.close()
 
 
 def same_results(folder: Path, other: Path) -> None:
@@ -67,9 +76,14 @@ def test_killed_at_every_file(study: Path, finished_study: Path) -> None:
     ],
 )
 def test_killed_when_a_stage_begins(
-    study: Path, finished_study: Path, opened: Callable[..., Run], moment: str, finished: int
+    runs: subprocess.Popen[str],
+    study: Path,
+    finished_study: Path,
+    opened: Callable[..., Run],
+    moment: str,
+    finished: int,
 ) -> None:
-    there = killed_when(moment, study, "--set", "solver.threads=1")
+    there = stages_left(runs, moment, study, "--set", "solver.threads=1")
     # The stage that had just begun may have come to its end before the signal did.
     assert there == STAGES[: len(there)] and len(there) >= finished
     goes_on(there, study, finished_study, opened("solver.threads=1"))
@@ -77,23 +91,19 @@ def test_killed_when_a_stage_begins(
 
 @pytest.mark.parametrize("moment", ["reduce        panel", "orthogonalise arm", "balance       system"])
 def test_killed_while_two_bodies_are_at_work(
-    study: Path, finished_study: Path, opened: Callable[..., Run], moment: str
+    runs: subprocess.Popen[str], study: Path, finished_study: Path, opened: Callable[..., Run], moment: str
 ) -> None:
-    there = killed_when(moment, study)
+    there = stages_left(runs, moment, study)
     assert {"arm.read", "panel.read"} <= {*there}
     goes_on(there, study, finished_study, opened())
 
 
-def killed_when(moment: str, study: Path, *options: str) -> list[str]:
+def stages_left(runs: subprocess.Popen[str], moment: str, study: Path, *options: str) -> list[str]:
     """Stages that are finished when a run is killed as it tells of a moment."""
-    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study), "--verbose", *options]
-    with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
-        assert process.stderr is not None
-        for line in process.stderr:
-            if moment in line:
-                process.kill()
-                break
-        assert process.wait() == -signal.SIGKILL
+    assert runs.stdin is not None and runs.stdout is not None
+    runs.stdin.write(json.dumps([moment, str(study), *options]) + "\n")
+    runs.stdin.flush()
+    assert int(runs.stdout.readline()) == -signal.SIGKILL
     out = study.parent / "out"
     left = killed.left_behind(out) if out.is_dir() else {"whole": []}
     return [stage for stage in STAGES if f"stages/{stage}.h5" in left["whole"]]
