@@ -6,6 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import absolute_product, symmetric_product
+
 __all__ = ["LOUD", "QUIET", "quiet_share"]
 
 QUIET = 0.5
@@ -24,11 +26,11 @@ def quiet_share(A: sp.csc_array, T: NDArray[np.float64]) -> float:
 
     Parameters
     ----------
-    A : (n, n) sparse array
-        Stiffness or mass.
+    A : (n, n) csc array
+        Stiffness or mass, symmetric.
     T : (n, 3) float64
         Translations; rows that do not translate do not count.
     """
-    whole, force = (abs(A) @ abs(T)).max(axis=1), abs(A @ T).max(axis=1)
+    whole, force = absolute_product(A)(abs(T)).max(axis=1), abs(symmetric_product(A)(T)).max(axis=1)
     rows = (abs(T).sum(axis=1) > 0) & (whole > 0)
     return float((force[rows] <= _NO_FORCE * whole[rows]).mean()) if rows.any() else 0.0
