@@ -18,6 +18,7 @@ __all__ = [
     "LabelledMatrix",
     "canonical",
     "check_size",
+    "complex_refused",
     "mirrored",
 ]
 
@@ -150,6 +151,13 @@ def mirrored(A: sp.csc_array) -> sp.csc_array:
     row = np.concatenate([entries.row, entries.col[off]])
     col = np.concatenate([entries.col, entries.row[off]])
     return canonical(row, col, np.concatenate([entries.data, entries.data[off]]), A.shape)
+
+
+def complex_refused(path: Path, name: str) -> ReadError:
+    """Error for a matrix with an imaginary part; programs for responses hold real matrices as complex ones, too."""
+    return ReadError(
+        f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real: write its real part alone"
+    )
 
 
 def check_size(path: Path, name: str, rows: int, cols: int, file_bytes: int) -> None:

@@ -13,9 +13,9 @@ from cmsreduce.read.calculix_abaqus import dof_list_beside
 from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind, matrix_format, read_rows
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
-from cmsreduce.read.labelled_matrix import LabelledMatrix
+from cmsreduce.read.labelled_matrix import LabelledMatrix, complex_refused
 from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, NPY, NPZ
-from cmsreduce.read.nastran import DMIG
+from cmsreduce.read.nastran import DMIG, OP4
 
 __all__ = ["detect_format", "matrix_names", "read_matrix"]
 
@@ -94,9 +94,9 @@ def read_matrix(
     chosen = _format_of(path, format)
     with reading(path, f"the file ({chosen.words})"):
         found = _choose(path, _numbered(chosen.read(path)), matrix, chosen)
-    # The arrays of numpy and MATLAB may be complex without an imaginary part, which loading shows.
-    if found.numbers.startswith("complex") and chosen not in (NPY, NPZ, MATLAB):
-        raise ReadError(f"{path}: matrix '{found.name}' is complex; stiffness, mass and damping must be real")
+    # In these formats loading shows whether there is an imaginary part.
+    if found.numbers.startswith("complex") and chosen not in (NPY, NPZ, MATLAB, OP4):
+        raise complex_refused(path, found.name)
     if chosen is DMIG and found.form == "rectangular" and not rectangular:
         raise ReadError(
             f"{path}: DMIG matrix '{found.name}' is rectangular; stiffness and mass are square (form 1) or symmetric "

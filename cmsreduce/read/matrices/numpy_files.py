@@ -18,7 +18,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import HARMLESS_BYTES, LARGEST_GROWTH
 from cmsreduce.read.files import HEADERS, reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
-from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size
+from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size, complex_refused
 
 __all__ = ["NPY", "NPZ", "from_array", "kind_of", "most_unpacked"]
 
@@ -73,9 +73,8 @@ def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix
     if kind is None:
         raise ReadError(f"{path}: '{name}' holds {dtype}, not numbers; save a plain or sparse matrix of real numbers")
     if kind.startswith("complex"):
-        # Programs for responses hold real matrices as complex ones.
         if array.size and abs(array.imag).max():
-            raise ReadError(f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real")
+            raise complex_refused(path, name)
         array = array.real
         dtype = np.dtype(array.dtype)
     if array.ndim != 2:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_head, reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
-from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, mirrored
+from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, complex_refused, mirrored
 from cmsreduce.read.nastran.op4_binary import BinaryRecords
 from cmsreduce.read.nastran.op4_header import TYPES, Op4Header
 from cmsreduce.read.nastran.op4_printed import PrintedRecords, PrintedStrings, is_printed_header
@@ -87,7 +87,7 @@ def _load(path: Path, header: Op4Header, strings: PrintedStrings | None, name: s
 def _printed_entries(path: Path, header: Op4Header, strings: PrintedStrings) -> Iterator[Entries]:
     with PrintedRecords.of(path) as records:
         for part, values in records.numbers(header, strings):
-            yield _without_zeros(strings.row[part], strings.count[part], strings.column[part], values)
+            yield _without_zeros(path, header, strings.row[part], strings.count[part], strings.column[part], values)
 
 
 def _binary_entries(path: Path, header: Op4Header) -> Iterator[Entries]:
@@ -96,7 +96,7 @@ def _binary_entries(path: Path, header: Op4Header) -> Iterator[Entries]:
     def taken() -> Entries:
         values = np.frombuffer(bytes(found), header.number).astype(np.float64)
         places = [np.array(part, np.int64) for part in (starts, counts, columns)]
-        entries = _without_zeros(places[0], places[1], places[2], values)
+        entries = _without_zeros(path, header, places[0], places[1], places[2], values)
         for part in (starts, counts, columns):
             del part[:]
         found.clear()
@@ -113,13 +113,24 @@ def _binary_entries(path: Path, header: Op4Header) -> Iterator[Entries]:
     yield taken()
 
 
-def _without_zeros(starts: Ints, counts: Ints, columns: Ints, values: NDArray[np.float64]) -> Entries:
-    """Row, column and value of the numbers of some strings that are not zero; dense files are full of zeros."""
+def _without_zeros(
+    path: Path, header: Op4Header, starts: Ints, counts: Ints, columns: Ints, values: NDArray[np.float64]
+) -> Entries:
+    """Row, column and value of the numbers of some strings that are not zero; dense files are full of zeros.
+
+    Raises
+    ------
+    ReadError
+        If an entry has an imaginary part.
+    """
     kept = np.flatnonzero(values)
-    # Row of the first number of each string, minus the place of that number among all numbers.
-    ahead = starts - (np.cumsum(counts) - counts)
+    # Number of the first number of each string among all numbers.
+    first = np.cumsum(counts) - counts
     string = np.repeat(np.arange(counts.size), counts)[kept]
-    return kept + ahead[string], columns[string], values[kept]
+    row, part = np.divmod(kept - first[string], header.parts)
+    if part.any():
+        raise complex_refused(path, header.name)
+    return row + starts[string], columns[string], values[kept]
 
 
 def _is_op4(path: Path, head: bytes) -> bool:

@@ -156,7 +156,7 @@ class BinaryRecords:
                     start += self.word
                     length, first = (both >> 16) - 1, both & 0xFFFF
                 count, stop = length * self.word // size, start + length * self.word
-                if count < 1 or stop > end or not 0 < first <= header.rows - count + 1:
+                if count < 1 or stop > end or not 0 < first <= header.rows - count // header.parts + 1:
                     raise self._damaged(
                         f"matrix '{header.name}', column {col},", f"has a string of {count} numbers at row {first}"
                     )

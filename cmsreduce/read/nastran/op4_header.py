@@ -58,3 +58,8 @@ class Op4Header:
     def words_each(self) -> int:
         """Words of 32 bits of a number; lengths of strings are counted in such words."""
         return 1 if self.type in (1, 3) else 2
+
+    @property
+    def parts(self) -> int:
+        """Real numbers of an entry: a complex one has two."""
+        return 2 if self.type in (3, 4) else 1

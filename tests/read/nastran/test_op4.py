@@ -107,12 +107,19 @@ def test_binary_written_by_hand(tmp_path: Path, order: str, wide: bool, single: 
 )
 def test_written_by_pyyeti(tmp_path: Path, sparse: str, options: dict[str, object], rounding: float) -> None:
     path = tmp_path / "body.op4"
-    op4.write(str(path), {"kaa": sp.csc_matrix(K), "maa": 2 * K}, sparse=sparse, **options)
+    turned = 3 * K + np.where(K, 1e-3j, 0)
+    matrices = {"kaa": sp.csc_matrix(K), "zaa": 3 * K.astype(complex), "waa": turned, "maa": 2 * K}
+    op4.write(str(path), matrices, sparse=sparse, **options)
     found = read_matrix(path, "maa")
     assert found.rounding == pytest.approx(rounding)
     # Ten times, since the rounding is relative to the end of a number's decade.
     assert abs(found.A - 2 * K).max() <= 10 * rounding * abs(2 * K).max()
     assert np.array_equal(found.A.toarray(), found.A.T.toarray())
+    # Complex numbers without an imaginary part are real.
+    real = read_matrix(path, "zaa")
+    assert abs(real.A - 3 * K).max() <= 10 * rounding * abs(3 * K).max()
+    with pytest.raises(ReadError, match=r"matrix 'WAA' is complex; .* must be real: write its real part alone"):
+        read_matrix(path, "waa")
 
 
 def nastran_cases() -> list[str]:
