@@ -65,9 +65,8 @@ def block(
     shape = tuple(n + 1 for n in cells)
     index = np.arange(len(xyz)).reshape(shape)
     k, m = brick(np.array(sides) / np.array(cells))
-    elements = np.array(
-        [[index[tuple(np.array(at) + corner)] for corner in CORNERS] for at in product(*(range(n) for n in cells))]
-    )
+    first = np.array(list(product(*(range(n) for n in cells))))
+    elements = index[tuple(np.moveaxis(first[:, None] + CORNERS, 2, 0))]
     dofs = (3 * elements[:, :, None] + np.arange(3)).reshape(len(elements), 24)
     i, j = np.repeat(dofs, 24, axis=1).ravel(), np.tile(dofs, (1, 24)).ravel()
     n = 3 * len(xyz)
@@ -77,7 +76,9 @@ def block(
         for part, factor in ((k, each), (m, np.ones(len(elements))))
     )
     turn = np.eye(3) if axes is None else axes
-    T = sp.block_diag([turn] * len(xyz), format="csc")
+    if axes is not None:
+        T = sp.block_diag([turn] * len(xyz), format="csc")
+        K, M = (sp.csc_array(T @ A @ T.T) for A in (K, M))
     node = np.repeat(np.arange(1, len(xyz) + 1), 3)
     keep = np.flatnonzero(~np.isin(node, held))
     frames = np.tile(turn, (len(xyz), 1, 1))
@@ -87,8 +88,8 @@ def block(
         faces[label] = Interface(label, ids, ((1, 2, 3),) * ids.size, xyz[ids - 1], turn, frames[ids - 1])
     return FEModel(
         name,
-        sp.csc_array((T @ K @ T.T)[keep][:, keep]),
-        sp.csc_array((T @ M @ T.T)[keep][:, keep]),
+        sp.csc_array(K[keep][:, keep]),
+        sp.csc_array(M[keep][:, keep]),
         DofTable(node[keep], np.tile(np.arange(1, 4), len(xyz))[keep]),
         Nodes(np.arange(1, len(xyz) + 1), xyz, frames),
         faces,
