@@ -130,17 +130,21 @@ class SceneBasis:
         return self._worst(self._model(), self._model(richer=True)).error
 
     def run(self) -> SceneShapes:
-        """Add points until the estimate is below a tenth of the limit, and the last solve agreed with its estimate."""
-        checked, allowed = list[tuple[float, float, float]](), _SHARE * self._limit
+        """Add points until the estimate is below a tenth of the limit, and the last solve agreed with its estimate.
+
+        Damping that is stated mode by mode needs the modes of the bodies, not their responses alone: where a solve
+        finds no new shape, what the richer model has beyond the shapes joins them.
+        """
+        checked, allowed, ended = list[tuple[float, float, float]](), _SHARE * self._limit, False
         self.start()
         while True:
             less, more = self._model(), self._model(richer=True)
             worst = self._worst(less, more)
             if checked and (
-                len(self.points) >= _MOST or (worst.error <= allowed and _agree(*checked[-1][1:], allowed))
+                ended or len(self.points) >= _MOST or (worst.error <= allowed and _agree(*checked[-1][1:], allowed))
             ):
                 break
-            point = self._next(worst, more)
+            point, before = self._next(worst, more), self._count
             try:
                 found = self._add(point, less, worst)
             except ResonanceError:
@@ -149,6 +153,8 @@ class SceneBasis:
                 found = self._add(point, less, worst)
             self.points.append(point)
             checked.append((point / (2 * np.pi), *found))
+            if self._count == before and worst.error > allowed:
+                ended = not sum(body.add_inertia() for body in self.bodies.values())
         return SceneShapes(
             {name: body.shapes for name, body in self.bodies.items()},
             tuple(w / (2 * np.pi) for w in self.points),
@@ -157,6 +163,11 @@ class SceneBasis:
             worst.configuration.name,
             tuple(checked),
         )
+
+    @property
+    def _count(self) -> int:
+        """Number of shapes of all bodies."""
+        return sum(body.count for body in self.bodies.values())
 
     def _model(self, *, richer: bool = False) -> AssembledModel:
         """The system of the shapes, or that of the shapes and their residuals."""
