@@ -155,7 +155,9 @@ class ShapeSearch:
         at a time; where the optimisation fails, half as many. At the end each body in turn gives one of its shapes.
         """
         step = max(1, best.count // 5)
-        while best.passes and best.count > 1 and (step := self._step(step, best.count - failed - 1)):
+        # Each body that has shapes keeps one.
+        least = sum(count > 0 for count in best.counts.values())
+        while best.passes and best.count > least and (step := self._step(step, best.count - failed - 1)):
             tried = self._shrunk(best, step)
             if tried is not None:
                 best = tried
