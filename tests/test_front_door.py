@@ -245,7 +245,7 @@ def test_results_show_themselves_in_one_line(run, beams):
     assert repr(cms.CraigBampton(cutoff_hz=20, damped=True)) == "CraigBampton(cutoff_hz=20, damped=True)"
     assert all(len(repr(each)) < 200 and "\n" not in repr(each) for each in shown)
     told = repr(run)
-    assert told.startswith("<FinishedRun hub_beams: PASS, frf_error 1.68e-05, 19 modes kept, 1 configurations, in ")
+    assert told.startswith("<FinishedRun hub_beams: PASS, frf_error 1.69e-05, 19 modes kept, 1 configurations, in ")
 
 
 def test_a_run_prints_only_when_asked_to(capfd, run):
