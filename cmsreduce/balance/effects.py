@@ -163,8 +163,8 @@ def unreachable(finding: Finding, modes: int, *, all_of_them: bool, kinds: set[s
     """Message on a limit that all modes together do not meet, with the next step."""
     if np.isnan(finding.value):
         return (
-            f"keep: {finding.name} cannot be judged ({finding.note or 'it was not measured'}): take its limit out, or "
-            "choose the modes by another rule"
+            f"keep: {finding.name} cannot be judged ({finding.note or 'it was not measured'}): change the scene so "
+            "that it can be measured, or choose the modes by another rule"
         )
     other = "take `reduce: {method: macneal-rubin}`, " if "fixed" in kinds else ""
     which, step = "below the cutoff", f"Raise reduce.cutoff, {other}or allow a larger error"

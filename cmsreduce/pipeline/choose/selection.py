@@ -31,8 +31,9 @@ from cmsreduce.pipeline.system import Candidates
 __all__ = ["Choice", "modal_channels", "select", "truncate"]
 
 # The search runs on the grid of the model with all modes, which serves the peaks of that model. A model that misses the
-# limit on a grid of its own is refused, and the search runs again. If some miss it by no more than this factor, the
-# limit is divided by the excess, and multiplied by the margin, as long as any model meets it.
+# limit on a grid of its own is refused, and the search runs again. Once more than three have missed it by no more than
+# this factor, the limit is lowered: divided by the excess, and multiplied by the margin. Where no model meets the
+# lowered limit, the stated one holds again, and is lowered no more.
 _ATTEMPTS = 64
 _NEARLY, _NEAR_MISSES = 1.02, 3
 _MARGIN = 0.999

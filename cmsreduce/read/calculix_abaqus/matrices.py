@@ -32,8 +32,10 @@ _SKIPPED = "#%$*"  # first characters of comments, and of keywords of Abaqus
 _MARKS = tuple(mark.encode() for mark in _SKIPPED)
 _PLAIN_LIST = re.compile(r"(?:[0-9]{1,15}\.[0-6]\n)+[0-9]{1,15}\.[0-6]\n?")
 _KEYWORD = re.compile(rb"\s*\*\s*MATRIX", re.IGNORECASE)
-# A keyword line that ends with a comma goes on with a parameter, which begins with a letter.
-_CONTINUED = re.compile(rb"^([ \t]*\*[ \t]*[A-Za-z][^\n]*,)[ \t]*\n[ \t]*([A-Za-z][^\n]*)", re.MULTILINE)
+# A keyword line that ends with a comma goes on with parameters, which begin with a letter.
+_CONTINUED = re.compile(
+    rb"^[ \t]*\*[ \t]*[A-Za-z][^\n]*,[ \t]*(?:\n[ \t]*[A-Za-z][^\n]*,[ \t]*)*\n[ \t]*[A-Za-z][^\n]*", re.MULTILINE
+)
 # Keywords of files that hold something else: decks, and substructures, whose lists of dofs read like entries.
 _OTHER_KEYWORD = re.compile(r"\s*\*\s*(?:USER\s*ELEMENT|MATRIX(?=\s*,)|HEADING|PART|NODE|ELEMENT)\b", re.IGNORECASE)
 _FACTOR = re.compile(rb"SCALEFACTOR=([^,\n]*)")
@@ -126,9 +128,12 @@ def _entries_only(path: Path) -> tuple[bytes, bool, float]:
 
 def _whole_keywords(text: bytes) -> bytes:
     """Text with each keyword on one line, and an empty line for each line that it went on in."""
-    while b"*" in text and (found := _CONTINUED.search(text)):
-        text = b"".join((text[: found.start()], found[1], found[2], b"\n", text[found.end() :]))
-    return text
+
+    def joined(found: re.Match[bytes]) -> bytes:
+        lines = found[0].split(b"\n")
+        return b"".join(line.strip() for line in lines) + b"\n" * (len(lines) - 1)
+
+    return _CONTINUED.sub(joined, text) if b"*" in text else text
 
 
 def _matrix(

@@ -52,10 +52,11 @@ def test_triangles_and_ways_to_print(
         ("*MATRIX INPUT, NAME=K, TYPE=UNSYMMETRIC\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
         (" *matrix input, name=K, type=unsymmetric\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
         ("*MATRIX INPUT, NAME=K,\n  TYPE=UNSYMMETRIC\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
+        ("*MATRIX INPUT,\n NAME=K,\n TYPE=UNSYMMETRIC\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
         ("*MATRIX INPUT, NAME=K,\r\nTYPE=UNSYMMETRIC,\r\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
         ("*MATRIX INPUT, NAME=K, SCALE FACTOR=2.5D0\n", "{i},1, {j},1, {v:.15e}", np.tril(K), 2.5 * K),
     ],
-    ids=["labels", "triangle", "unsymmetric", "small letters", "two lines", "Windows", "factor"],
+    ids=["labels", "triangle", "unsymmetric", "small letters", "two lines", "three lines", "Windows", "factor"],
 )
 def test_abaqus_with_labels(tmp_path: Path, head: str, pattern: str, part: np.ndarray, expected: np.ndarray) -> None:
     path = tmp_path / "body.mtx"
