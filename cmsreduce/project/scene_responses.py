@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.project.body_modes import BodyModes, ShapeFlexibility
 
-__all__ = ["JoinedShapes", "ResponseSample", "SceneResponses", "Shapes"]
+__all__ = ["JoinedShapes", "ResponseSample", "SceneResponses", "Shapes", "trapezoidal"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -55,6 +55,20 @@ class ResponseSample:
     row: Array
     column: Array
     heard: NDArray[np.bool_]
+
+    @cached_property
+    def weights(self) -> Array:
+        """Shares of the squared errors of all channels in the squared response error over the band (f, o, i)."""
+        weights = trapezoidal(self.omega)[:, None, None] * (self.row[:, None] * self.column) ** 2
+        size = float(np.sum(weights * abs(self.elastic) ** 2))
+        return weights / size if size else np.zeros(self.H.shape)
+
+    @cached_property
+    def decades(self) -> Array:
+        """Shares of the points whose decibels count (f, o, i): a Bode plot has a logarithmic axis."""
+        heard = self.heard & (abs(self.H) > 0)
+        decades = np.where(heard, trapezoidal(np.log(self.omega))[:, None, None], 0.0)
+        return np.asarray(decades / (decades.sum() or 1.0))
 
     @cached_property
     def touched(self) -> dict[str, tuple[NDArray[np.int64], NDArray[np.int64]]]:
@@ -121,6 +135,21 @@ class SceneResponses:
     def responses(self, shapes: Shapes) -> list[Complex]:
         """The responses alone (f, outputs, inputs), in every configuration; errors as those of `joined`."""
         return [_response(sample, _coupled(sample, parts)) for sample, parts in self._in_shapes(shapes)]
+
+    def without_each(self, shapes: Shapes, name: str) -> Iterator[list[Complex]]:
+        """The responses in every configuration without one shape of a body, for each of its shapes in turn.
+
+        Notes
+        -----
+        Without a shape its amplitude is zero: a force along it undoes the motion x that an input causes, by x / d with
+        d the flexibility of the joined bodies along the shape. It changes the output by its adjoint amplitude z, so
+        that the response is H - z x / d: all shapes from one solve. Where the joints need the shape, d is zero and the
+        response is not finite.
+        """
+        found = [_along_each(sample, parts, name) for sample, parts in self._in_shapes(shapes)]
+        for j in range(shapes[name].shape[1]):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                yield [H - z[:, j, :, None] * (x[:, j] / d[:, j, None])[:, None] for H, x, z, d in found]
 
     def _in_shapes(self, shapes: Shapes) -> Iterator[tuple[ResponseSample, list[_Part]]]:
         """Every configuration with the bodies in their shapes."""
@@ -245,8 +274,29 @@ def _coupled(sample: ResponseSample, parts: Sequence[_Part]) -> Complex:
     return G
 
 
+def _along_each(sample: ResponseSample, parts: Sequence[_Part], name: str) -> tuple[Complex, Complex, Complex, Complex]:
+    """The response; of one body the primal and adjoint amplitudes, and the flexibility along each shape (f, k)."""
+    c, G = sample.c, _coupled(sample, parts)
+    loads, observers, H = _forces(sample, G)
+    (part,) = (each for each in parts if each.name == name)
+    Y, one = part.Y, np.eye(part.left.shape[1])
+    joint, force = part.rows < c, part.columns < c
+    moved = np.zeros((G.shape[0], c, len(one)), dtype=np.complex128)
+    moved[:, part.rows[joint]] = Y.between(part.left[joint], one)
+    held = np.linalg.solve(G[:, :c, :c], moved)[:, part.columns[force]]
+    back = np.einsum("fkc,fck->fk", Y.between(one, part.right[force]), held)
+    x, z = Y.amplitudes(part.right, loads[:, part.columns]), Y.amplitudes(part.left, observers[:, part.rows])
+    return H, x, z, Y.weights @ (Y.left * Y.right.T).T - back
+
+
 def _joined(sample: ResponseSample, parts: Sequence[_Part]) -> JoinedShapes:
     loads, observers, H = _forces(sample, _coupled(sample, parts))
     primal = {part.name: part.Y.amplitudes(part.right, loads[:, part.columns]) for part in parts}
     adjoint = {part.name: part.Y.amplitudes(part.left, observers[:, part.rows]) for part in parts}
     return JoinedShapes(H, loads, observers, primal, adjoint)
+
+
+def trapezoidal(x: Array) -> Array:
+    """Weights of the trapezoidal rule at increasing points (f,)."""
+    step = np.diff(x)
+    return np.asarray((np.concatenate([[0.0], step]) + np.concatenate([step, [0.0]])) / 2)

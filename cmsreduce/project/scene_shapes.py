@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes
+from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes, trapezoidal
 
 __all__ = [
     "ResponseLimits",
@@ -103,10 +103,10 @@ def misfit(sample: ResponseSample, H: Complex, limits: ResponseLimits) -> tuple[
         Its derivative by the real part of H, plus i times that by the imaginary part.
     """
     value, slope = _error_of_band(sample, H, limits)
-    heard, decades = _heard(sample)
-    # Without a limit in decibels a product with a response of zero would not be a number.
-    allowed = np.full(heard.shape, np.inf)
-    np.multiply(_SHARE_OF_DECIBEL * limits.db_error, abs(sample.H), out=allowed, where=heard)
+    if np.isinf(limits.db_error):
+        return value, slope
+    decades, heard = sample.decades, sample.decades > 0
+    allowed = np.where(heard, _SHARE_OF_DECIBEL * limits.db_error * abs(sample.H), np.inf)
     miss = H - sample.H
     rho = abs(miss) ** 2 / allowed**2
     below = 1 + _LINEAR * rho
@@ -125,7 +125,7 @@ def decibel_misfit(sample: ResponseSample, H: Complex, limits: ResponseLimits) -
         As that of `misfit`.
     """
     value, slope = _error_of_band(sample, H, limits)
-    heard, decades = _heard(sample)
+    decades, heard = sample.decades, sample.decades > 0
     met = np.where(heard, abs(sample.H) ** 2, 1.0)
     raised = np.where(heard, abs(H) ** 2, 1.0) + _FLOOR**2 * met
     x = 10 * np.log10(raised / ((1 + _FLOOR**2) * met)) / limits.db_error
@@ -147,9 +147,9 @@ def objective(
     return float(np.log(total)), {name: part / total for name, part in gradient.items()}
 
 
-def misfit_of(scene: SceneResponses, shapes: Shapes, limits: Sequence[ResponseLimits]) -> float:
-    """Logarithm of the misfit of all configurations."""
-    found = zip(scene.samples, scene.responses(shapes), limits, strict=True)
+def misfit_of(scene: SceneResponses, responses: Sequence[Complex], limits: Sequence[ResponseLimits]) -> float:
+    """Logarithm of the misfit of the responses in all configurations."""
+    found = zip(scene.samples, responses, limits, strict=True)
     total = sum(misfit(*each)[0] for each in found)
     return float(np.log(total)) if total > 0 else -np.inf
 
@@ -206,7 +206,7 @@ def mode_shares(scene: SceneResponses) -> dict[str, Array]:
     found = {name: np.zeros(body.count) for name, body in scene.bodies.items()}
     for sample, (primal, adjoint) in zip(scene.samples, scene.full_responses(), strict=True):
         channel = sample.row[:, None] * sample.column[None, :]
-        widths = _widths(sample.omega)
+        widths = trapezoidal(sample.omega)
         size = float(np.sum(widths[:, None, None] * abs(sample.elastic * channel) ** 2))
         for name, body in scene.bodies.items() if size else ():
             inputs = np.sum(abs(primal[name] * sample.column) ** 2, axis=2)
@@ -269,23 +269,6 @@ def fit_shapes(
 
 def _error_of_band(sample: ResponseSample, H: Complex, limits: ResponseLimits) -> tuple[float, Complex]:
     """Fourth power of the response error over its limit, and its slope."""
-    weight = _widths(sample.omega)[:, None, None] * (sample.row[:, None] * sample.column) ** 2
-    size = float(np.sum(weight * abs(sample.elastic) ** 2))
-    if not size:
-        return 0.0, np.zeros_like(H)
     miss = H - sample.H
-    square, limit = float(np.sum(weight * abs(miss) ** 2)) / size, limits.frf_error**4
-    return square**2 / limit, 4 * square / limit * weight / size * miss
-
-
-def _heard(sample: ResponseSample) -> tuple[NDArray[np.bool_], Array]:
-    """Points whose decibels count, and their shares of all: a Bode plot has a logarithmic axis."""
-    heard = sample.heard & (abs(sample.H) > 0)
-    decades = np.where(heard, _widths(np.log(sample.omega))[:, None, None], 0.0)
-    return heard, decades / (decades.sum() or 1.0)
-
-
-def _widths(x: Array) -> Array:
-    """Weights of the trapezoidal rule."""
-    step = np.diff(x)
-    return np.asarray((np.concatenate([[0.0], step]) + np.concatenate([step, [0.0]])) / 2)
+    square, limit = float(np.sum(sample.weights * abs(miss) ** 2)), limits.frf_error**4
+    return square**2 / limit, 4 * square / limit * sample.weights * miss

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.project.scene_responses import SceneResponses, Shapes
@@ -25,6 +25,7 @@ from cmsreduce.project.shape_starts import MIXES, SceneDirections
 __all__ = ["ShapeSearch"]
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 # Steps of a round, after which errors are measured and configurations weighed anew.
 _STEPS = 40
@@ -245,9 +246,13 @@ class ShapeSearch:
 
     def _misfit(self, shapes: Shapes) -> float:
         try:
-            return misfit_of(self.scene, shapes, self._weighted)
+            return self._misfit_of(self.scene.responses(shapes))
         except np.linalg.LinAlgError:
             return np.inf
+
+    def _misfit_of(self, responses: list[Complex]) -> float:
+        found = misfit_of(self.scene, responses, self._weighted)
+        return np.inf if np.isnan(found) else found
 
     def _from_best(self, starts: Iterable[Shapes]) -> Settled:
         """Optimise every start for one round, and the best of them further."""
@@ -323,25 +328,10 @@ class ShapeSearch:
             names = [name for name, V in shapes.items() if V.shape[1] > least.get(name, 1)]
             if not names:
                 break
-            tried: list[Shapes] = [{**shapes, name: fewer} for name in names for fewer in self._one_less(name, shapes)]
+            less = [each for name in names for each in self.directions.less_one(name, shapes)]
+            tried = [(self._misfit_of(responses), fewer) for fewer, responses in less]
             for kept, steps in self._heats if mended else ():
-                fits = [self._fitted(each, steps) for each in sorted(tried, key=self._misfit)[:kept]]
-                tried = [fit.shapes for fit in fits]
-            shapes = min(tried, key=self._misfit)
+                fits = [self._fitted(fewer, steps) for _, fewer in sorted(tried, key=itemgetter(0))[:kept]]
+                tried = [(fit.misfit, fit.shapes) for fit in fits]
+            _, shapes = min(tried, key=itemgetter(0))
         return dict(shapes)
-
-    def _one_less(self, name: str, shapes: Shapes) -> list[Array]:
-        """The shapes of a body without one of its weak directions in the scene, or without one of its modes."""
-        w = self.scene.bodies[name].omega[:, None]
-        V = np.linalg.qr(w * shapes[name])[0] / w
-        gram = np.zeros((V.shape[1], V.shape[1]))
-        for joined in self.scene.joined({**shapes, name: V}):
-            for X in (joined.primal[name], joined.adjoint[name]):
-                flat = X.transpose(1, 0, 2).reshape(V.shape[1], -1)
-                size = float(np.sum(abs(flat) ** 2))
-                gram += (flat @ flat.conj().T).real / size if size else 0.0
-        _, directions = la.eigh(gram)
-        # The weakest half: the strongest ones are never the first to go.
-        weak = [V @ np.delete(directions, k, axis=1) for k in range((V.shape[1] + 1) // 2)]
-        _, modes = la.eigh((w * V).T @ (w * V), V.T @ V)
-        return weak + [V @ np.delete(modes, k, axis=1) for k in range(V.shape[1])]

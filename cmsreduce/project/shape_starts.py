@@ -1,20 +1,22 @@
-"""Directions that a search for scene shapes starts from: those with most energy in the responses, and single modes."""
+"""Directions that a search for scene shapes starts from, adds and leaves out."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.project.scene_responses import SceneResponses
+from cmsreduce.project.scene_responses import SceneResponses, Shapes
 from cmsreduce.project.scene_shapes import energy_shapes, mode_shares
 
 __all__ = ["MIXES", "SceneDirections"]
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 MIXES = (0.25, 0.0)
 """Exponents of the weight of a response: by its energy, and nearer to its decibels."""
@@ -59,6 +61,24 @@ class SceneDirections:
             every, share = self._energy(mix)[name]
             left, _, _ = la.svd((w * every - U @ (U.T @ (w * every))) * share, full_matrices=False)
             yield from (left[:, [k]] / w for k in range(min(_TRIED, w.size - V.shape[1])))
+
+    def less_one(self, name: str, shapes: Shapes) -> Iterator[tuple[Shapes, list[Complex]]]:
+        """The shapes without one of a body's weak directions in the scene or of its modes, and their responses."""
+        w = self.scene.bodies[name].omega[:, None]
+        V = np.linalg.qr(w * shapes[name])[0] / w
+        gram = np.zeros((V.shape[1], V.shape[1]))
+        for joined in self.scene.joined({**shapes, name: V}):
+            for X in (joined.primal[name], joined.adjoint[name]):
+                flat = X.transpose(1, 0, 2).reshape(V.shape[1], -1)
+                size = float(np.sum(abs(flat) ** 2))
+                gram += (flat @ flat.conj().T).real / size if size else 0.0
+        _, directions = la.eigh(gram)
+        _, modes = la.eigh((w * V).T @ (w * V), V.T @ V)
+        # Of the directions the weakest half: the strongest ones are never the first to go.
+        for basis, most in ((V @ directions, (V.shape[1] + 1) // 2), (V @ modes, V.shape[1])):
+            without = self.scene.without_each({**shapes, name: basis}, name)
+            for k, responses in enumerate(islice(without, most)):
+                yield {**shapes, name: np.delete(basis, k, axis=1)}, responses
 
     @cached_property
     def mode_shares(self) -> dict[str, Array]:

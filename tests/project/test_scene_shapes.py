@@ -76,6 +76,35 @@ def test_the_response_is_that_of_the_whole_matrices(damping):
         np.testing.assert_allclose(found.H[k], sample.measure[k] @ motion, rtol=1e-9, atol=1e-9 * abs(found.H).max())
 
 
+@pytest.mark.parametrize("damping", DAMPING)
+def test_the_response_without_one_shape_is_that_of_the_others(damping):
+    """A change of rank one of the joined bodies against the same shapes without one, joined anew."""
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        scene = random_scene(rng, damping, configurations=2)
+        shapes = random_shapes(rng, scene)
+        for name, V in shapes.items():
+            found = list(scene.without_each(shapes, name))
+            assert len(found) == V.shape[1]
+            for k, responses in enumerate(found):
+                exact = scene.responses({**shapes, name: np.delete(V, k, axis=1)})
+                for H, other in zip(responses, exact, strict=True):
+                    np.testing.assert_allclose(H, other, rtol=1e-8, atol=1e-10 * abs(other).max())
+
+
+def test_without_the_shape_that_a_joint_needs_no_response_comes_near():
+    """The joint moves by one shape of one body only: its force could be anything without it, up to rounding."""
+    rng = np.random.default_rng(9)
+    scene = next(each for _ in range(50) if (each := random_scene(rng)).samples[0].c == 1)
+    (sample,) = scene.samples
+    sample.rest[:, 0], sample.rest[:, :, 0] = 0.0, 0.0
+    for side in (sample.left, sample.right):
+        side["one"][0, 1:], side["other"][0] = 0.0, 0.0
+    shapes = {name: np.eye(body.count)[:, :4] for name, body in scene.bodies.items()}
+    most = 1e6 * abs(scene.responses(shapes)[0]).max()
+    assert [bool((abs(H) < most).all()) for (H,) in scene.without_each(shapes, "one")] == [False, True, True, True]
+
+
 def test_a_silent_channel_counts_nothing_where_decibels_have_no_limit():
     rng = np.random.default_rng(6)
     (sample,) = random_scene(rng).samples
