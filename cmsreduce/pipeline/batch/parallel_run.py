@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 from uuid import uuid4
 
@@ -73,11 +74,27 @@ class ParallelRun(Run):
         names = [name for k, (name, keys) in enumerate(asked.items()) if keys not in [*asked.values()][:k]]
         # The longest work first: no process is left with it while the others are done.
         names.sort(key=lambda name: file_size(self.pipeline, name), reverse=True)
-        if len(names) > 1:
-            self.stages.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
-            for (name,), _ in self._outcomes(_finish_body, [(name,) for name in names]):
+        if len(names) < 2:
+            return
+        self.stages.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
+        with self._marks() as taken:
+            for _, name in self._outcomes(_finish_body, [(name, names, taken) for name in names] if taken else []):
                 # Read while the others are at work.
                 self._proven(name)
+
+    @contextmanager
+    def _marks(self) -> Iterator[Path | None]:
+        """Folder in which a process marks the body that it takes; None where the processes cannot share results."""
+        stages = self.stages.store.folder
+        try:
+            stages.mkdir(parents=True, exist_ok=True)
+            made = TemporaryDirectory(prefix=".taken.", dir=stages)
+        except OSError:
+            # The first result to write reports it.
+            yield None
+            return
+        with made as name:
+            yield Path(name).resolve()
 
     def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
         """Errors and curves in every configuration; each process measures some of them."""
@@ -197,12 +214,21 @@ def _opened(opening: _Opening) -> Run:
     return run
 
 
-def _finish_body(opening: _Opening, name: str) -> bool | None:
+def _finish_body(opening: _Opening, first: str, names: Sequence[str], taken: Path) -> str | None:
+    """Reduce a body that no other process has taken, best one that this process has proven; its name.
+
+    The processes first read and prove all bodies together, each from another one.
+    """
     try:
         opened = _opened(opening)
-        # Proven here, so that its factor serves its reduction; processes share what they prove of the others.
-        opened.flexible(name)
+        opened.flexible(first)
+        for each in opened.at_hand(names):
+            opened.flexible(each)
         _ = opened.bodies
+        # A factor of the proof serves the reduction: the body proven last comes first, and after the own ones the one
+        # that is the longest in the memory of another process.
+        own = [name for name in names[::-1] if opened.has_proven(name)]
+        name = next(name for name in [*own, *names] if _take(taken / name))
         # The results of the body are on disk: the process holds the bodies as read alone.
         run = branch_of(opened)
         if name in run.reduced_names:
@@ -214,6 +240,15 @@ def _finish_body(opening: _Opening, name: str) -> bool | None:
     except Exception:
         # Any error: the run that gave the task meets the same one in its own process, and reports it.
         return None
+    return name
+
+
+def _take(mark: Path) -> bool:
+    """Mark a body as taken; False where another process was quicker."""
+    try:
+        mark.touch(exist_ok=False)
+    except FileExistsError:
+        return False
     return True
 
 

@@ -187,7 +187,7 @@ class ReadStages:
     @once
     def bodies(self) -> dict[str, FlexibleBody]:
         """Flexible bodies, read and checked; joints, actuators and sensors are wired to them as a check."""
-        for name in self._at_hand():
+        for name in self.at_hand(self.flexible_names):
             self.flexible(name)
         found = {}
         for name in self.flexible_names:
@@ -201,12 +201,16 @@ class ReadStages:
                 self.stages.note(note)
         return found
 
-    def _at_hand(self) -> Iterator[str]:
-        """Names of the bodies; those that another process is at work on come last."""
-        waiting = self.flexible_names
+    def at_hand(self, names: Sequence[str]) -> Iterator[str]:
+        """Names of bodies in this order; those that another process is at work on come last."""
+        waiting = [*names]
         while waiting:
             claimed = (self.stages.store.is_claimed("read", name, self.proof_key(name)) for name in waiting)
             yield waiting.pop(next((k for k, busy in enumerate(claimed) if not busy), 0))
+
+    def has_proven(self, name: str) -> bool:
+        """True if this process has read and proven a body, whose factor may still be in its memory."""
+        return self.stages.store.path("read", name, self.proof_key(name)) in self.stages.written
 
     def _in_dofs(self, bodies: Mapping[str, FlexibleBody]) -> AssembledModel:
         bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in bodies.items()}

@@ -69,8 +69,10 @@ class Run(VerifyStages):
     def is_finished(self) -> bool:
         """True if every stage is stored for these files and settings, so that nothing is left to compute."""
         store = self.stages.store
-        proven = [store.facts("read", name, self.proof_key(name)) for name in self.flexible_names]
-        if None in proven or not self.has_response:
+        # Files are hashed up to the first body that is not proven.
+        if any(store.facts("read", name, self.proof_key(name)) is None for name in self.flexible_names):
+            return False
+        if not self.has_response:
             return False
         return store.facts("verify", "system", self._system_key("verify")) is not None
 

@@ -16,7 +16,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.batch import opened_run
-from cmsreduce.pipeline.batch.parallel_run import ParallelRun
+from cmsreduce.pipeline.batch.parallel_run import ParallelRun, _finish_body, _Opening
 from cmsreduce.pipeline.batch.workers import Workers
 from cmsreduce.write.seal import SEAL
 from tests.pipeline.rounding import assert_close
@@ -112,7 +112,24 @@ def test_the_longest_work_begins_first(longest: str, study: Path, tmp_path: Path
     executor = Dying()
     workers = Workers(2, 1, None, lambda jobs: nullcontext(executor), (BrokenProcessPool,))
     ParallelRun(load_pipeline(study), tmp_path, Log(), workers, executor).finish_bodies()
-    assert [name for *_, name in executor.tasks] == [longest, *({"arm", "panel"} - {longest})]
+    assert [first for *_, first, _, _ in executor.tasks] == [longest, *({"arm", "panel"} - {longest})]
+
+
+def test_a_process_first_takes_a_body_whose_factor_it_has(good_study: Path, tmp_path: Path) -> None:
+    pipeline, names = load_pipeline(good_study / "study.yaml"), ["arm", "panel"]
+    # Another process has proven the arm, and none has taken it.
+    Run(pipeline, tmp_path, Log())._proven("arm")
+    opening = _Opening(pipeline, tmp_path, None)
+    assert [_finish_body(opening, "arm", names, tmp_path) for _ in range(3)] == ["panel", "arm", None]
+
+
+def test_results_that_cannot_be_shared_are_made_by_the_run(good_study: Path, tmp_path: Path) -> None:
+    """Stages cannot be written: no process is asked, and the run says so where it writes."""
+    (tmp_path / "stages").write_text("no folder")
+    executor = Dying()
+    workers = Workers(2, 1, None, lambda jobs: nullcontext(executor), (BrokenProcessPool,))
+    ParallelRun(load_pipeline(good_study / "study.yaml"), tmp_path, Log(), workers, executor).finish_bodies()
+    assert not executor.tasks
 
 
 @pytest.mark.usefixtures("warm_processes")
