@@ -6,7 +6,14 @@ Algorithms belong in the other rooms of `linalg`.
 
 from cmsreduce.linalg.machine.allowance import available_memory, usable_cores
 from cmsreduce.linalg.machine.lapack_calls import lapack_call, lapack_offers
-from cmsreduce.linalg.machine.mkl_library import SparseMatrix, add_product, mkl_library, pardiso, pardiso_pivots
+from cmsreduce.linalg.machine.mkl_library import (
+    SparseMatrix,
+    add_product,
+    end_openmp,
+    mkl_library,
+    pardiso,
+    pardiso_pivots,
+)
 from cmsreduce.linalg.machine.settings import (
     BACKENDS,
     Backend,
@@ -28,6 +35,7 @@ __all__ = [
     "allowed_threads",
     "available_memory",
     "current_settings",
+    "end_openmp",
     "lapack_call",
     "lapack_offers",
     "mkl_library",

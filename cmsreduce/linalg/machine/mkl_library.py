@@ -15,13 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SparseMatrix", "add_product", "mkl_library", "pardiso", "pardiso_pivots"]
+__all__ = ["SparseMatrix", "add_product", "end_openmp", "mkl_library", "pardiso", "pardiso_pivots"]
 
 # MKL's constants for the kind of a matrix, its layout and its transposition.
 _AS_IT_IS, _GENERAL, _SPARSE_BY_ROWS = 10, 20, 101
 _BY_COLUMNS, _PLAIN, _TRANSPOSED = 102, 111, 112
 # Milliseconds that idle threads spin. The default of 200 would take the cores that dense algebra needs next.
 _SPIN = 1
+# OpenMP's constant for a pause that keeps nothing.
+_HARD = 2
 
 
 @cache
@@ -55,6 +57,13 @@ def _openmp() -> ctypes.CDLL | None:
     except OSError:
         return None
     return runtime if hasattr(runtime, "kmp_set_blocktime") else None
+
+
+def end_openmp() -> None:
+    """Let Intel's OpenMP remove its entry in shared memory, where a process ends without its libraries' own end."""
+    openmp = _openmp() if mkl_library.cache_info().currsize else None
+    if openmp is not None and hasattr(openmp, "omp_pause_resource_all"):
+        openmp.omp_pause_resource_all(_HARD)
 
 
 @contextmanager

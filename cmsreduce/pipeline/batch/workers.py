@@ -11,10 +11,11 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import get_all_start_methods, get_context, parent_process
+from multiprocessing.util import Finalize
 from threading import Lock, Thread
 from typing import Any
 
-from cmsreduce.linalg.machine import allowed_threads, available_memory, usable_cores
+from cmsreduce.linalg.machine import allowed_threads, available_memory, end_openmp, usable_cores
 from cmsreduce.pipeline.store import CommonWork
 
 __all__ = ["Workers", "common_work", "local_workers"]
@@ -106,6 +107,8 @@ def _begin_process() -> None:
     if hasattr(signal, "pthread_sigmask"):
         # The command line starts processes with the signal blocked, so that none is interrupted before this.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    # Such a process ends without the end of its libraries.
+    Finalize(None, end_openmp, exitpriority=0)
     Thread(target=_end_with_parent, daemon=True).start()
 
 

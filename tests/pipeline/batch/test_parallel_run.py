@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
@@ -10,14 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError
+from cmsreduce.linalg.blocks import symmetric_product
+from cmsreduce.linalg.machine import mkl_library
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.batch import opened_run
 from cmsreduce.pipeline.batch.parallel_run import ParallelRun, _finish_body, _Opening
-from cmsreduce.pipeline.batch.workers import Workers
+from cmsreduce.pipeline.batch.workers import Workers, local_workers
 from cmsreduce.write.seal import SEAL
 from tests.pipeline.rounding import assert_close
 from tests.pipeline.study import Log
@@ -139,3 +144,19 @@ def test_what_is_wrong_is_said_once_and_by_the_run(good_study: Path, tmp_path: P
     with pytest.raises(CmsReduceError, match=said), opened_run(path, wrong, tmp_path, Log(), jobs=2) as run:
         execute(run, path, wrong, report=False)
     assert not (tmp_path / "summary.json").exists()
+
+
+def entry_in_shared_memory() -> tuple[Path, bool]:
+    """Entry of Intel's OpenMP in this process after a product in sparse algebra, and whether it is there."""
+    A = sp.csc_array(sp.eye_array(20_000))
+    symmetric_product(A)(np.ones((20_000, 8)))
+    entry = Path(f"/dev/shm/__KMP_REGISTERED_LIB_{os.getpid()}_{os.getuid()}")
+    return entry, entry.exists()
+
+
+@pytest.mark.skipif(mkl_library() is None, reason="MKL is not installed")
+def test_processes_leave_nothing_in_shared_memory() -> None:
+    workers = local_workers(2)
+    with workers.start(1) as executor:
+        entry, there = workers.submit(executor, entry_in_shared_memory).result()
+    assert there and not entry.exists()
