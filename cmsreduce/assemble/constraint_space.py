@@ -21,6 +21,7 @@ __all__ = [
     "connected_rows",
     "constraint_space",
     "coordinate_scale",
+    "without_rounding",
 ]
 
 Array = NDArray[np.float64]
@@ -32,6 +33,9 @@ _MOSTLY_FREE = 0.5
 _NO_WEIGHT = 1e-14
 # Rows of the tiles in which a large matrix is transposed: two tiles fit a cache of the second level.
 _TILE = 128
+# Coordinates with mass whose part in the constraints is below this share of the others' move by rounding alone: a mass
+# so small would have ten million times the frequency of the others' stiffness.
+_NO_SHARE = 1e-7
 # Scales of coordinates that differ by less need no balance: the least mass then keeps eight digits beside the others.
 _ALIKE = 1e4
 
@@ -112,6 +116,37 @@ def congruent_damping(space: ConstraintSpace, blocks: Sequence[Matrix]) -> Matri
     whole = sp.csr_array(sp.block_diag([sp.csr_array(block) for block in blocks]))
     skew = space.T.T @ (sp.csr_array(whole - whole.T) @ space.T) * 0.5
     return sp.csc_array(symmetric + skew) if sp.issparse(symmetric) else np.asarray(symmetric + skew)
+
+
+def without_rounding(M: Matrix, T: Matrix, A: sp.csr_array, massive: NDArray[np.bool_]) -> Matrix:
+    """T^T M T without the mass of joined motions of coordinates that have none.
+
+    Where two static shapes hold each other, the modes beside them move by the rounding of T. The square of it is no
+    mass: it has no digit, and beside it none of the others has any.
+
+    Parameters
+    ----------
+    M : (k, k) Matrix
+        Mass of the joined coordinates.
+    T : (n, k) Matrix
+        Null space of the constraints.
+    A : (c, n) sparse array
+        Constraints.
+    massive : (n,) bool
+        Coordinates with mass.
+    """
+    if massive.all() or not A.shape[0]:
+        return M
+    size = abs(A).max(axis=1).toarray().ravel()
+    weights = sp.csr_array(sp.diags_array(1 / np.where(size > 0, size, 1.0)) @ abs(A))
+    with_mass, without = (
+        (weights[:, some] @ abs(sp.csr_array(T)[some])).max(axis=0).toarray().ravel() for some in (massive, ~massive)
+    )
+    rounding = (with_mass < _NO_SHARE * without) & (M.diagonal() > 0)
+    if not rounding.any():
+        return M
+    kept = sp.diags_array(np.where(rounding, 0.0, 1.0))
+    return sp.csc_array(kept @ sp.csc_array(M) @ kept) if sp.issparse(M) else np.asarray(kept @ M @ kept)
 
 
 def coordinate_scale(substructures: Sequence[Substructure], A: sp.csr_array) -> Array | None:

@@ -11,7 +11,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.closed_loops import check_loops, nearest_closed
-from cmsreduce.assemble.constraint_space import congruent_damping, constraint_space, coordinate_scale
+from cmsreduce.assemble.constraint_space import (
+    congruent_damping,
+    constraint_space,
+    coordinate_scale,
+    without_rounding,
+)
 from cmsreduce.assemble.joint_elements import element_rows, with_joint_bodies
 from cmsreduce.assemble.joints import constrain, relative_motion
 from cmsreduce.assemble.placement import place_bodies
@@ -250,6 +255,7 @@ def assemble(
     space = constraint_space(A, coordinate_scale(tuple(substructures.values()), A))
     T = space.T
     M, K = (space.congruent([getattr(sub, letter) for sub in substructures.values()]) for letter in ("M", "K"))
+    M = without_rounding(M, T, A, np.concatenate([sub.M.diagonal() for sub in substructures.values()]) > 0)
     D, loss = (
         congruent_damping(space, [_or_zero(getattr(sub, letter), sub.m) for sub in substructures.values()])
         if any(getattr(sub, letter) is not None for sub in substructures.values())

@@ -5,10 +5,20 @@ import re
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import assemble, closing_motion, frequency_response, place_bodies, system_modes
+from cmsreduce.assemble import (
+    assemble,
+    closing_motion,
+    frequency_response,
+    modal_substructure,
+    place_bodies,
+    system_modes,
+)
 from cmsreduce.assemble.closed_loops import nearest_closed
 from cmsreduce.errors import ConstraintError, SceneError
+from cmsreduce.linalg.eigen import elastic_and_massless
 from cmsreduce.model import Channel, Configuration, Point, Scene
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.reduce import CraigBampton
 from tests.assemble.rigs import at, in_joint, joint, physical, rigid_body, substructures
 from tests.frames import line
 
@@ -59,6 +69,25 @@ def test_a_weld_beside_a_weld():
     single = scene(bodies, joints[:1])
     w, exact = (system_modes(assemble(subs, s, s.configurations[0]), 1e4)[0] for s in (dropped, single))
     np.testing.assert_allclose(w, exact, rtol=1e-10)
+
+
+@pytest.mark.parametrize("free", ["", "rx", "ry rz"])
+def test_static_shapes_that_hold_each_other_have_no_mass(free):
+    """Two equal bars side by side, joined at both ends, stretch together and bend together as each of them does."""
+    bodies, subs = [line(name, [0, 0, 0], [1, 0, 0], 4) for name in ("one", "two")], {}
+    for body in bodies:
+        rows = np.concatenate([body.interface_rows(name) for name in body.interfaces])
+        bar = orthogonalise(CraigBampton(1e-3).reduce(body, rows))
+        subs[body.name] = modal_substructure(bar.static_above(0.9 * bar.omega[-1]), list(body.interfaces))
+    joints = (joint("end", "one.b", "two.b", free), joint("start", "one.a", "two.a"))
+    where = scene(bodies, joints, redundant="drop")
+    system = assemble(subs, where, where.configurations[0])
+    lam, modes, static = elastic_and_massless(system.K, system.M, system.rigid)
+    assert static.shape[1] == 1 and lam.size == system.N - 7
+    np.testing.assert_allclose(modes.T @ system.M @ modes, np.eye(lam.size), atol=1e-12)
+    alone = bar.omega[bar.elastic][:-1]
+    nearest = np.sqrt(lam)[abs(np.sqrt(lam)[:, None] - alone).argmin(axis=0)]
+    np.testing.assert_allclose(nearest, alone, rtol=1e-8)
 
 
 def test_a_joint_between_grounded_interfaces():
