@@ -14,8 +14,8 @@ from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind,
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, complex_refused
-from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, NPY, NPZ
-from cmsreduce.read.nastran import DMIG, OP4
+from cmsreduce.read.matrices import HARWELL_BOEING
+from cmsreduce.read.nastran import DMIG, OP2
 
 __all__ = ["detect_format", "matrix_names", "read_matrix"]
 
@@ -94,8 +94,8 @@ def read_matrix(
     chosen = _format_of(path, format)
     with reading(path, f"the file ({chosen.words})"):
         found = _choose(path, _numbered(chosen.read(path)), matrix, chosen)
-    # In these formats loading shows whether there is an imaginary part.
-    if found.numbers.startswith("complex") and chosen not in (NPY, NPZ, MATLAB, OP4):
+    # In other formats loading shows whether there is an imaginary part.
+    if found.numbers.startswith("complex") and chosen is OP2:
         raise complex_refused(path, found.name)
     if chosen is DMIG and found.form == "rectangular" and not rectangular:
         raise ReadError(

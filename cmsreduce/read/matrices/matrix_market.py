@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_head, read_lines
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
-from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size
+from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size, complex_refused
 from cmsreduce.read.numbers_at_once import INTEGER, REAL, numbers_of
 from cmsreduce.read.printed_numbers import rounding_of_printed, stops_in_a_number
 
@@ -51,11 +51,14 @@ class EntryLine:
         Integers before the value.
     pattern : str
         Matches a line without its end.
+    parts : int
+        Numbers of a value: two of a complex one.
     """
 
     words: str
     integers: int
     pattern: str
+    parts: int = 1
 
     def matches(self, line: str) -> bool:
         """True if a line is an entry."""
@@ -75,6 +78,10 @@ class EntryLine:
 COORDINATE = EntryLine("i j value", 2, rf"{_BLANKS}{2 * f'{INTEGER}{_APART}++'}{REAL}{_APART}*+")
 LABELLED = EntryLine("node,dof, node,dof, value", 4, rf"{_BLANKS}{4 * f'{INTEGER}{_BLANKS},{_BLANKS}'}{REAL}{_APART}*+")
 VALUE = EntryLine("value", 0, rf"{_BLANKS}{REAL}{_BLANKS}")
+_COMPLEX = {
+    "coordinate": EntryLine("i j real imaginary", 2, rf"{COORDINATE.pattern}{REAL}{_APART}*+", 2),
+    "array": EntryLine("real imaginary", 0, rf"{VALUE.pattern}{REAL}{_BLANKS}", 2),
+}
 
 
 def read_entries(path: Path, text: bytes, line: EntryLine) -> tuple[NDArray[np.int64], NDArray[np.float64], list[str]]:
@@ -94,14 +101,15 @@ def read_entries(path: Path, text: bytes, line: EntryLine) -> tuple[NDArray[np.i
     where : (entries, integers) int64
         Integers before each value.
     value : (entries,) float64
-        Values.
+        Values; real parts of complex ones.
     printed : list of str
         Values as printed; only the first and the last ones of a long text.
 
     Raises
     ------
     ReadError
-        If there are no entries, a line is no entry (with its number), or the text ends inside a number.
+        If there are no entries, a line is no entry (with its number), the text ends inside a number, or a value has an
+        imaginary part.
     """
     whole = text if text.endswith(b"\n") else text + b"\n"
     end = line.matched(whole)
@@ -110,23 +118,26 @@ def read_entries(path: Path, text: bytes, line: EntryLine) -> tuple[NDArray[np.i
         cut = " (the last of the file, so it is probably truncated)" if b"\n" not in text[end:] else ""
         shown = bad.decode("utf-8", errors="replace").strip()[:60]
         raise ReadError(f"{path}, line {number}{cut}: '{shown}' is not an entry '{line.words}' of real numbers")
-    numbers = numbers_of(whole).reshape(-1, line.integers + 1)
+    numbers = numbers_of(whole).reshape(-1, line.integers + line.parts)
     if not len(numbers):
         raise ReadError(f"{path}: there are no entries '{line.words}' in it")
-    printed = _printed_values(text)
+    where, value, imaginary = np.split(numbers, [line.integers, line.integers + 1], axis=1)
+    if imaginary.any():
+        raise complex_refused(path, path.stem)
+    printed = _printed_values(text, line)
     if whole is not text and stops_in_a_number(printed):
         raise ReadError(
             f"{path}: the file ends inside its last number, '{printed[-1]}'; it is truncated: write or copy it again"
         )
-    return numbers[:, :-1].astype(np.int64), numbers[:, -1], printed
+    return where.astype(np.int64), value[:, 0], printed
 
 
-def _printed_values(text: bytes) -> list[str]:
+def _printed_values(text: bytes, line: EntryLine) -> list[str]:
     """Values as printed on the lines at both ends of a text."""
     lines = text.strip().split(b"\n") if len(text) <= 2 * _ENDS else []
     lines = lines or [*text[:_ENDS].strip().split(b"\n")[:-1], *text[-_ENDS:].strip().split(b"\n")[1:]]
-    words = (line.replace(b",", b" ").split() for line in lines)
-    return [word[-1].decode() for word in words if word]
+    words = (entry.replace(b",", b" ").split() for entry in lines)
+    return [word[line.integers].decode() for word in words if word]
 
 
 def _market_matrices(path: Path) -> list[StoredMatrix]:
@@ -136,7 +147,8 @@ def _market_matrices(path: Path) -> list[StoredMatrix]:
     ------
     ReadError
         If the header is damaged, a size is absurd, or the file is a pattern without values. Loading raises it if
-        entries are missing, out of range, or do not parse, or a symmetric matrix has entries in both triangles.
+        entries are missing, out of range, complex, or do not parse, or a symmetric matrix has entries in both
+        triangles.
     """
     layout, field, symmetry, (rows, cols, count) = _header(path)
     check_size(path, path.stem, rows, cols, path.stat().st_size)
@@ -146,7 +158,8 @@ def _market_matrices(path: Path) -> list[StoredMatrix]:
     lengths = {"general": rows * cols, "skew-symmetric": rows * (rows - 1) // 2}
     # An array file lists values without their places.
     array = lengths.get(symmetry, rows * (rows + 1) // 2) if layout == "array" else None
-    load = partial(_load, path, (rows, cols), count, array, symmetry, field in ("real", "double"))
+    line = _COMPLEX[layout] if field == "complex" else COORDINATE if array is None else VALUE
+    load = partial(_load, path, (rows, cols), count, array, symmetry, line, field != "integer")
     return [StoredMatrix(path.stem, numbers, symmetry, (rows, cols, count), load)]
 
 
@@ -169,7 +182,7 @@ def _header(path: Path) -> tuple[str, str, str, tuple[int, int, int]]:
 
 
 def _load(
-    path: Path, shape: tuple[int, int], count: int, array: int | None, symmetry: str, rounded: bool
+    path: Path, shape: tuple[int, int], count: int, array: int | None, symmetry: str, line: EntryLine, rounded: bool
 ) -> LabelledMatrix:
     """Read the matrix: ``count`` entries with their places, or ``array`` values without places."""
     text = read_lines(path)
@@ -181,7 +194,7 @@ def _load(
     if not expected and not body.strip():
         # Zeros, such as of no damping.
         return LabelledMatrix(sp.csc_array(shape), path.stem, path, "matrix-market", DOUBLE)
-    where, value, printed = read_entries(path, body, COORDINATE if array is None else VALUE)
+    where, value, printed = read_entries(path, body, line)
     if value.size != expected:
         raise ReadError(
             f"{path}: the Matrix Market file has {value.size} entries where its header says {expected}; it is "

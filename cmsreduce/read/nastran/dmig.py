@@ -18,7 +18,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import KEY_STEP, DofTable
 from cmsreduce.read.files import is_text, read_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
-from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, canonical, mirrored
+from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, canonical, complex_refused, mirrored
 from cmsreduce.read.nastran.cards import INTEGER, Card, CardTable, Fields, read_cards
 from cmsreduce.read.nastran.op4_header import TYPES
 from cmsreduce.read.numbers_at_once import integers_of, reals_of
@@ -91,6 +91,18 @@ class _Dmig:
             values[k] = int(text)
         return values
 
+    def reals(self, shift: int, default: float | None = None) -> NDArray[np.float64]:
+        """A field of every entry as a real number."""
+        fields = self.fields[self.entry + shift]
+        values, sure = reals_of(fields)
+        if default is not None:
+            blank = (fields == _BLANK).all(axis=1)
+            values[blank], sure[blank] = default, True
+        if not sure.all():
+            bad = int(np.argmin(sure))
+            raise _bad_entry(self, bad, self.text(self.entry[bad] + shift), "a number")
+        return values
+
 
 def _dmig_matrices(path: Path) -> list[StoredMatrix]:
     """Matrices of a punch file or a deck, by their DMIG entries.
@@ -102,8 +114,8 @@ def _dmig_matrices(path: Path) -> list[StoredMatrix]:
     ------
     ReadError
         If there are no DMIG entries, entries without a header, or the file is cut. Loading raises it if an entry does
-        not parse, appears twice with different values, or if a symmetric matrix has two different values across the
-        diagonal.
+        not parse, has an imaginary part, appears twice with different values, or if a symmetric matrix has two
+        different values across the diagonal.
     """
     sections = read_cards(path, {"DMIG"}).sections.values()
     cards = CardTable.joined(part["DMIG"] for part in sections if "DMIG" in part)
@@ -229,21 +241,19 @@ def _bad_entry(dmig: _Dmig, entry: int, text: str, needed: str) -> ReadError:
 def _values(dmig: _Dmig) -> tuple[NDArray[np.float64], list[str], bool]:
     """Real parts: as numbers; as printed, the first and the last ones; true if all fit a narrow field."""
     fields = dmig.fields[dmig.entry + 2]
-    values, sure = reals_of(fields)
-    if not sure.all():
-        bad = int(np.argmin(sure))
-        raise _bad_entry(dmig, bad, dmig.text(dmig.entry[bad] + 2), "a number")
     ends = dmig.entry if dmig.entry.size <= 2 * _ENDS else np.concatenate([dmig.entry[:_ENDS], dmig.entry[-_ENDS:]])
     printed = [dmig.text(field + 2) for field in ends.tolist()]
-    return values, printed, bool((fields != _BLANK).sum(axis=1).max(initial=0) <= _FIELD)
+    return dmig.reals(2), printed, bool((fields != _BLANK).sum(axis=1).max(initial=0) <= _FIELD)
 
 
 def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
     """Sparse matrix of one DMIG."""
+    if TYPES[dmig.type].startswith("complex") and dmig.reals(3, 0.0).any():
+        raise complex_refused(path, dmig.name)
     row_keys, col_keys, _, _ = _labels(dmig)
     values, printed, narrow = _values(dmig)
     rounding = rounding_of_printed(printed, _FIELD if printed and narrow else None)
-    rounding = max(rounding, SINGLE) if dmig.type == 1 else rounding
+    rounding = max(rounding, SINGLE) if TYPES[dmig.type].endswith("single") else rounding
     return assembled_dmig(path, dmig.name, dmig.form, row_keys, col_keys, values, rounding)
 
 

@@ -33,6 +33,19 @@ def test_written_by_scipy(tmp_path: Path, A: np.ndarray, symmetry: str, dense: b
     assert (info.name, info.rows, info.cols, info.form) == ("body", *A.shape, symmetry)
 
 
+@pytest.mark.parametrize("dense", [False, True], ids=["coordinate", "array"])
+@pytest.mark.parametrize("symmetry", ["general", "symmetric", "hermitian"])
+def test_complex_without_an_imaginary_part_is_real(tmp_path: Path, symmetry: str, dense: bool) -> None:
+    """As programs for responses write every matrix; digits are those of the real parts."""
+    path = tmp_path / "body.mtx"
+    A = K.astype(complex)
+    scipy.io.mmwrite(path, A if dense else sp.coo_array(A), symmetry=symmetry, precision=9)
+    assert "complex" in path.read_text().splitlines()[0]
+    found = read_matrix(path)
+    np.testing.assert_allclose(found.A.toarray(), K, rtol=5e-9)
+    assert found.rounding == pytest.approx(5e-10)
+
+
 def test_rounding_is_that_of_the_print(tmp_path: Path) -> None:
     path = tmp_path / "body.mtx"
     scipy.io.mmwrite(path, sp.coo_array(K), precision=7)
@@ -57,6 +70,8 @@ def test_rounding_is_that_of_the_print(tmp_path: Path) -> None:
         (HEAD.replace("coordinate", "array").replace("3 3 2", "9000000 9000000") + "1.0\n", "says 81000000000000"),
         ("%%MatrixMarket matrix coordinate pattern general\n2 2 1\n1 1\n", "a pattern without values"),
         ("%%MatrixMarket matrix coordinate complex general\n2 2 1\n1 1 1.0 2.0\n", "is complex"),
+        ("%%MatrixMarket matrix array complex general\n1 2\n1.0 0.0\n1.0 1e-30\n", "is complex"),
+        ("%%MatrixMarket matrix coordinate complex general\n2 2 1\n1 1 1.0\n", "'1 1 1.0' is not an .* imaginary'"),
         ("%%MatrixMarket matrix", "header cannot be read"),
     ],
 )

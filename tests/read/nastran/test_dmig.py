@@ -1,5 +1,6 @@
 """DMIG entries: every width of field, both forms, and the faults of punch files."""
 
+import re
 from io import StringIO
 from pathlib import Path
 
@@ -53,6 +54,11 @@ def wide(entries: dict[tuple[str, str], float], form: int, kind: int = 2, name: 
     return "\n".join(lines) + "\n"
 
 
+def with_imaginary(text: str, value: float) -> str:
+    """Entries with a fourth number."""
+    return re.sub(r"(D[+-]\d\d)\n", lambda found: f"{found[1]}{f'{value:16.9E}'.replace('E', 'D')}\n", text)
+
+
 LOWER = {(DOFS[i], DOFS[j]): K[i, j] for j in range(4) for i in range(j, 4) if K[i, j]}
 UPPER = {(DOFS[i], DOFS[j]): K[i, j] for j in range(4) for i in range(j + 1) if K[i, j]}
 FULL = {(DOFS[i], DOFS[j]): K[i, j] for j in range(4) for i in range(4) if K[i, j]}
@@ -68,10 +74,26 @@ FULL = {(DOFS[i], DOFS[j]): K[i, j] for j in range(4) for i in range(4) if K[i, 
         (wide(FULL, 1), 5e-11),
         (wide(FULL, 6), 5e-11),
         (wide(LOWER, 6, kind=1), 2.0**-24),
+        (wide(LOWER, 6, kind=4), 5e-11),
+        (with_imaginary(wide(LOWER, 6, kind=3), -0.0), 2.0**-24),
+        (FREE.replace("0,6,2", "0,6,4"), 2.0**-53),
         (wide(LOWER, 6).lower(), 5e-11),
         (wide(LOWER, 6).replace("\n", "\r\n"), 5e-11),
     ],
-    ids=["small", "free", "lower", "upper", "square", "both", "single", "lower-case", "dos"],
+    ids=[
+        "small",
+        "free",
+        "lower",
+        "upper",
+        "square",
+        "both",
+        "single",
+        "complex",
+        "zeros",
+        "free-complex",
+        "lower-case",
+        "dos",
+    ],
 )
 def test_widths_and_forms(tmp_path: Path, text: str, rounding: float) -> None:
     path = tmp_path / "k.pch"
@@ -135,8 +157,17 @@ def test_sizes_of_all_matrices_are_listed(tmp_path: Path) -> None:
         ("K", 4, 4, "real double", "symmetric"),
         ("V", 2, 1, "complex double", "rectangular"),
     ]
-    with pytest.raises(ReadError, match="'V' is complex"):
-        read_matrix(path, "v")
+
+
+def test_an_imaginary_part_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "k.pch"
+    text = with_imaginary(wide(LOWER, 6, kind=4), 0.0)
+    path.write_text(text.replace("0.000000000D+00\n", "1.000000000D-30\n", 1))
+    with pytest.raises(ReadError, match="'K' is complex"):
+        read_matrix(path)
+    path.write_text(text.replace("0.000000000D+00\n", "0.0000O0000D+00\n", 1))
+    with pytest.raises(ReadError, match=r"line 3: .* needs a number, it has '0\.0000O"):
+        read_matrix(path)
 
 
 @pytest.mark.parametrize(
