@@ -76,7 +76,18 @@ def without_seal(run: Path) -> dict[str, Any]:
     """Content of a summary as earlier versions wrote it."""
     facts: dict[str, Any] = json.loads((run / "summary.json").read_text())
     del facts["seal"]
-    return facts
+    return {**facts, "version": "0.1.0"}
+
+
+@pytest.mark.parametrize("version", ["0.2.0.dev0", "0.2.0", "1.0"])
+def test_a_removed_seal_is_an_edit(copied: Path, version: str) -> None:
+    facts = {**without_seal(copied), "version": version}
+    facts["limits"]["frf_error"] = 1.0
+    (copied / "summary.json").write_text(json.dumps(facts))
+    for command in (("check", copied), ("diff", copied, copied)):
+        said = call(*command)
+        assert (said.exit_code, said.stderr.count("error: ")) == (2, 1)
+        assert "summary.json: its content is not what was written (removed: seal); run the pipeline" in said.stderr
 
 
 @pytest.mark.parametrize("damage", ['"speed": [[]]', '"deep": ' + "[" * 5000])

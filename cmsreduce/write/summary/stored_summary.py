@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from cmsreduce.write.seal import SEALED_ITEMS, changed_items
 from cmsreduce.write.summary.summary import summary
 
 __all__ = ["read_summary", "sealed_text", "write_summary"]
+
+_FIRST_SEALED = (0, 2)
 
 
 def write_summary(path: Path, run: RunResult) -> None:
@@ -33,22 +36,32 @@ def sealed_text(facts: dict[str, Any]) -> str:
 
 
 def read_summary(path: Path) -> dict[str, Any]:
-    """Read summary.json, without its seal; earlier versions wrote none.
+    """Read summary.json, without its seal.
 
     Raises
     ------
     ReadError
-        If the file holds no JSON mapping, or its content is not what was written; the message names the keys.
+        If the file holds no JSON mapping, its content is not what was written (the message names the keys), or the
+        version that it names writes a seal and there is none.
     """
     try:
         facts = json.loads(path.read_text(encoding="utf-8"))
         seal = facts.pop(SEALED_ITEMS, None)
-        changed = "" if seal is None else changed_items(_digests(facts), dict(seal))
+        if seal is None:
+            changed = "removed: seal" if _version(facts) >= _FIRST_SEALED else ""
+        else:
+            changed = changed_items(_digests(facts), dict(seal))
     except (ValueError, TypeError, AttributeError, RecursionError):
         raise ReadError(f"{path}: this is no summary of a run; run the pipeline again") from None
     if changed:
         raise ReadError(f"{path}: its content is not what was written ({changed}); run the pipeline again")
     return dict(facts)
+
+
+def _version(facts: dict[str, Any]) -> tuple[int, ...]:
+    """First two numbers of the version that wrote a summary."""
+    found = re.match(r"(\d+)\.(\d+)", str(facts.get("version", "")))
+    return tuple(map(int, found.groups())) if found else ()
 
 
 def _digests(facts: dict[str, Any]) -> dict[str, str]:
