@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations
 
@@ -17,7 +17,7 @@ from cmsreduce.read.row_order.places_by_motion import other_labels
 from cmsreduce.read.row_order.quiet_rows import LOUD, QUIET, quiet_share
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["Failure", "likely_cause", "mistaken_matrices", "other_order", "shuffled_nodes"]
+__all__ = ["Failure", "likely_cause", "mistaken_matrices", "other_order", "rounded_rows", "shuffled_nodes"]
 
 _NAMED = 5
 # A spring to ground loads only its own node; a mislabelled node also loads all its neighbours.
@@ -241,19 +241,25 @@ def _places_by_motion(case: Failure) -> str | None:
     return None
 
 
-def _rounded_stiffness(case: Failure) -> str | None:
-    """The entries of the stiffness were rounded: half a unit of their last digit explains all forces."""
+def rounded_rows(case: Failure) -> Iterator[tuple[NDArray[np.bool_], str]]:
+    """Rows whose forces half a unit of the last digit of all entries explains, and how the entries are rounded."""
     K, size = case.body.K, abs(case.found.shapes)
-    shown = last_digits(K.data)
-    if shown is None or float(case.found.relative.max(initial=0.0)) >= _MISPLACED:
-        return None
+    if (shown := last_digits(K.data)) is None:
+        return
     step, digits = shown
     for errors, words in (
         (np.full(K.nnz, 0.5 * step), "whole numbers" if step == 1 else f"multiples of {step:g}"),
         (entry_errors(K.data, 0.5 * 10.0**-digits), f"{digits} digits"),
     ):
         wrong = sp.csc_array((errors, K.indices, K.indptr), shape=K.shape)
-        if (abs(case.found.force) <= wrong @ size * _HALVES).all():
+        explained = (abs(case.found.force) <= wrong @ size * _HALVES).all(axis=1)
+        yield explained & (case.found.relative < _MISPLACED), words
+
+
+def _rounded_stiffness(case: Failure) -> str | None:
+    """The entries of the stiffness were rounded, which explains all forces."""
+    for explained, words in rounded_rows(case):
+        if explained.all():
             return (
                 f"the entries of the stiffness are rounded to {words}, which explains all these forces: a stiffness "
                 "that resists rigid motion holds the body where nothing does. Write the matrix with all digits of a "

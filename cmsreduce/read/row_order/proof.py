@@ -17,6 +17,7 @@ from cmsreduce.read.row_order.likely_cause import (
     likely_cause,
     mistaken_matrices,
     other_order,
+    rounded_rows,
     shuffled_nodes,
 )
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
@@ -237,6 +238,18 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
     found, total = held.found, held.proven.size + held.held.size + held.wrong.size
     loaded, share = _loaded_nodes(body, found)
     why = "single-point constraints hold" if not body.grounded else "the ground holds"
+    few = not held.proven.size or held.proven.size < _FREE_SHARE * total
+    for explained, words in (
+        rounded_rows(Failure(body, nodes, found, condensed, loaded)) if few or held.wrong.size else ()
+    ):
+        forced = np.unique(body.dofs.node[~explained])
+        if total - forced.size >= _FREE_SHARE * total and not np.isin(held.wrong, forced).any():
+            return RowOrderProof(
+                "grounded",
+                remark=f"{why} the body, and the entries of the stiffness are rounded to {words}, which explains the "
+                f"forces against rigid motion at {total - forced.size} of {total} nodes: nothing proves the order of "
+                "their rows. Write the matrix with all digits of a double-precision number",
+            )
     if held.wrong.size:
         order = np.flatnonzero(np.isin(loaded, held.wrong))
         rows = np.flatnonzero(np.isin(body.dofs.node, held.wrong))
@@ -250,7 +263,7 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
             "support does: rows are shuffled among nodes, the coordinates are of another model, or springs join "
             "points that do not coincide. Give the order of the rows as a list of node.component under `rows:`"
         )
-    if not held.proven.size or held.proven.size < _FREE_SHARE * total:
+    if few:
         if loaded.size and (cause := other_order(Failure(body, nodes, found, condensed, loaded))):
             raise DofMapError(
                 f"{_not_proven(body, loaded, share, float(found.allowed[found.worst]))}. Likely cause: {cause}"

@@ -82,6 +82,23 @@ def test_a_body_mostly_next_to_the_ground_is_unproven_by_name() -> None:
     assert proof.status == "grounded" and "4 of 4 nodes are next to the ground" in proof.remark
 
 
+@pytest.mark.parametrize("body", [held(), sprung()], ids=["clamped", "on springs"])
+@pytest.mark.parametrize(("digits", "words"), [(4, "4 digits"), (None, "multiples of 1e+06")])
+def test_rounding_of_a_held_body_is_named(body: FEModel, digits: int | None, words: str) -> None:
+    lower = sp.csc_array(sp.tril(body.K))
+    lower.data = np.array([float(f"{v:.{digits - 1}e}") if digits else round(v / 1e6) * 1e6 for v in lower.data])
+    coarse = replace(body, K=sp.csc_array(lower + sp.tril(lower, -1).T))
+    proof = prove_row_order(coarse)
+    assert proof.status == "grounded"
+    assert f"rounded to {words}, which explains the forces against rigid motion at " in proof.remark
+    assert "Write the matrix with all digits" in proof.remark
+    if digits:
+        assert prove_row_order(exchanged(coarse, 40, 70)).status == "grounded"
+    else:
+        with pytest.raises(DofMapError, match="resist rotation and no translation"):
+            prove_row_order(exchanged(coarse, 40, 70))
+
+
 def test_trust_replaces_the_proof_and_says_what_is_wrong() -> None:
     body = exchanged(block("free", [4, 1, 1], CELLS), 40, 70)
     with pytest.raises(DofMapError):
