@@ -144,7 +144,7 @@ def rigid_body_modes(
     mechanisms = N.shape[1] > geometric
     held = _hold(K, N) if mechanisms or coarse else None
     if coarse and held is not None:
-        shapes = held.solved(shapes)
+        shapes = _less_forced(held, shapes)
     if mechanisms:
         # The part outside the geometric shapes is a mechanism; the geometric shapes are more accurate.
         Qg, _ = np.linalg.qr(shapes)
@@ -218,7 +218,7 @@ def only_motions(
     if held.factor.weakest[1] <= sound:
         return None
     if not weak.any():
-        return held.solved(shapes) if coarse else shapes
+        return _less_forced(held, shapes) if coarse else shapes
     # Motions of K itself near those of the coordinates: if their energy is rounding, K resists none of them.
     own = held.solved(motions)
     free = is_rounding(energy_share(K, own[:, shapes.shape[1] :]), _left_of(share, rounding)).all()
@@ -264,6 +264,18 @@ def _null_motions(K: sp.csc_array, rounding: float, known: Array | None) -> Arra
         # Shapes from coordinates are more accurate.
         return known
     return np.asarray(V[:, null] / d[:, None])
+
+
+def _less_forced(held: HeldStiffness, shapes: Array) -> Array:
+    """Shapes of the geometry, or the null vectors near them where these leave less force.
+
+    Where K itself is rough, as behind a tie that adds up the rounding of a stiff face, the geometry is more accurate: a
+    null vector gives way to the rounding along what is soft.
+    """
+    own = np.sqrt(abs(held.K.diagonal()))
+    stiff, solved = own > 0, held.solved(shapes)
+    before, after = (float((abs(held.K @ X)[stiff] / own[stiff, None]).max(initial=0.0)) for X in (shapes, solved))
+    return solved if after < before else shapes
 
 
 def _hold(K: sp.csc_array, N: Array) -> HeldStiffness | None:

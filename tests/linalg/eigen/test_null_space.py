@@ -10,9 +10,10 @@ import scipy.sparse as sp
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import null_space, only_motions, rigid_body_modes, row_basis, stiffness_null_space
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.mechanics import Tie, tie_nodes
 from cmsreduce.model import rigid_body_shapes
 from tests.frames import frame, line
-from tests.solids import block
+from tests.solids import block, face
 
 XYZ = [[0, 0, 0], [1, 0, 0], [1, 1, 0.2], [0, 1, 0], [0.4, 0.5, 0.8]]
 BARS = [(1, 2), (2, 3), (3, 4), (4, 1), (1, 5), (2, 5), (3, 5)]
@@ -135,6 +136,20 @@ def test_rigid_motions_have_the_digits_of_the_stiffness_and_not_those_of_the_coo
     own = np.sqrt(body.K.diagonal())[:, None]
     assert Phi.shape[1] == 6
     assert (abs(body.K @ Phi) <= 1e-13 * own * (own * abs(Phi)).max(axis=0)).all()
+
+
+@pytest.mark.parametrize("digits", [14, 12, 10])
+@pytest.mark.parametrize("cells", [(6, 4, 1), (13, 8, 1)], ids=["dense", "sparse"])
+def test_rigid_motions_behind_a_tie_are_those_of_the_geometry(cells, digits):
+    """The edge of a thin plate: its tied rotation is soft, and has the rounding of all stiff rows of the edge."""
+    body = block("plate", [1, 0.6, 0.003], cells, {"root": face(cells, 0)})
+    lower = sp.csc_array(sp.tril(body.K))
+    lower.data = np.array([float(f"{value:.{digits - 1}e}") for value in lower.data])
+    K, rounding = sp.csc_array(lower + sp.tril(lower, -1).T), 0.5 * 10.0 ** (1 - digits)
+    tied = tie_nodes(replace(body, K=K, rounding=rounding), "root", Tie("rigid"))
+    R = rigid_body_shapes(tied.dofs, tied.nodes)
+    Phi = rigid_body_modes(tied.K, tied.M, R, rounding, "plate")
+    np.testing.assert_allclose(R @ np.linalg.lstsq(R, Phi)[0], Phi, atol=1e-12)
 
 
 def test_rigid_motions_of_a_body_with_a_hinge_have_the_digits_of_its_stiffness():
