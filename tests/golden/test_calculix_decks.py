@@ -1,5 +1,7 @@
 """CalculiX decks as users write them: exponents of Fortran, other names of sections, plane elements."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,33 @@ def test_sections(tmp_path, section, old, new):
     assert new in text
     assert np.array_equal(found[0].nodes.xyz, found[1].nodes.xyz)
     assert abs(found[0].K - found[1].K).max() <= 1e-9 * abs(found[0].K).max()
+
+
+@pytest.mark.parametrize(
+    ("kind", "offset"),
+    [("S4", ""), ("S4", "OFFSET"), ("S8R", "OFFSET"), ("B31", ""), ("B31", "OFFSET1"), ("B32R", "OFFSET1")],
+)
+@pytest.mark.parametrize("keyword", ["EQUATION", "CLOAD", "both"])
+def test_nodes_of_shells_and_beams_that_loads_and_equations_name_keep_rows(tmp_path, kind, offset, keyword):
+    """CalculiX keeps such a node beside those that it becomes, with rows of their mean motion."""
+    if kind[0] == "S":
+        deck = Deck().plate(kind, (4, 2), (0, 0, 0), (1, 0, 0), (0, 0.4, 0))
+    else:
+        deck = Deck().beam(kind, 4, lambda t: (t, 0, 0))
+    root, middle, tip = (deck.node((x, 0, 0)) for x in (0, 0.5, 1))
+    text = deck.text()
+    if offset:
+        text = re.sub(r"(\*(?:SHELL|BEAM) SECTION)", rf"\1, {offset}=0.5", text)
+    if keyword != "CLOAD":
+        # In line, so that rigid motion satisfies it; over two lines.
+        text += f"*EQUATION\n3\n{root}, 2, 1.d0, {middle}, 2, -2.,\n{tip}, 2, 1.\n"
+    if keyword != "EQUATION":
+        text += f"*NSET, NSET=LOADED\n{tip},\n*STEP\n*STATIC\n*CLOAD\nLOADED, 3, 0.1\n{middle}, 1, 0.1\n*END STEP\n"
+    solve(tmp_path, "bar", text, matrices=True)
+    found = read(tmp_path)
+    assert {middle, tip} <= set(found.dofs.node.tolist())
+    proof = prove_row_order(found)
+    assert (proof.status, proof.motions) == ("proven", 6)
 
 
 @pytest.mark.parametrize(

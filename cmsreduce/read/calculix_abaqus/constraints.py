@@ -10,7 +10,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
 from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets
 
-__all__ = ["rotation_nodes", "supports"]
+__all__ = ["nodes_with_own_rows", "rotation_nodes", "supports"]
 
 _NAMED = {
     "ENCASTRE": range(1, 7),
@@ -73,6 +73,27 @@ def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) 
             )
     node, component = np.array(sorted(held), dtype=np.int64).T
     return DofTable(node, component.astype(np.int8))
+
+
+def nodes_with_own_rows(deck: Sequence[Block], sets: DeckSets) -> set[int]:
+    """Nodes of shells and beams that CalculiX keeps beside those that it makes: *CLOAD and *EQUATION name them.
+
+    Notes
+    -----
+    Such a node moves with the mean of the nodes that it became.
+    """
+    found: set[int] = set()
+    for block in deck:
+        if block.keyword == "CLOAD":
+            found.update(node for fields in block.rows for node in sets.nodes_of(fields[0]))
+        elif block.keyword == "EQUATION":
+            # The number of terms, then node, component and coefficient of each, on one line or more.
+            numbers = [text for fields in block.rows for text in fields if text]
+            while numbers:
+                terms = 3 * int(numbers[0]) if numbers[0].isdigit() else len(numbers)
+                found.update(node for text in numbers[1 : 1 + terms : 3] for node in sets.nodes_of(text))
+                numbers = numbers[1 + terms :]
+    return found
 
 
 def _components(block: Block, fields: list[str]) -> list[int]:

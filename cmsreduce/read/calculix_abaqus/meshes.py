@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
-from cmsreduce.read.calculix_abaqus.constraints import rotation_nodes, supports
+from cmsreduce.read.calculix_abaqus.constraints import nodes_with_own_rows, rotation_nodes, supports
 from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, element_nodes, longest_start
 from cmsreduce.read.calculix_abaqus.expansion import PLANE, expansion_beside
 from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
@@ -203,8 +203,12 @@ def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: floa
         made = expanded_places(deck, nodes, sets, expansion)
         expanded = {element.number for element in expansion.elements}
         solid = {node for number, of in sets.topology.items() if number not in expanded for node in of}
-        gone |= set(expansion.nodes) - solid - set(expansion.knots) - set([] if held is None else held.node.tolist())
-        nodes = nodes | made
+        moved = set(expansion.nodes) - solid - set(expansion.knots)
+        kept_ones = nodes_with_own_rows(deck, sets) | set([] if held is None else held.node.tolist())
+        gone |= moved - kept_ones
+        # With an offset, they are not where the deck has them.
+        middles = {node: _middle(made, expansion.nodes[node]) for node in moved & kept_ones}
+        nodes = nodes | made | middles
     kept = {id: xyz for id, xyz in nodes.items() if id not in gone}
     mesh = Geometry.of_mesh(path, Nodes.in_basic(list(kept), np.array(list(kept.values())), rounding))
     return replace(
@@ -214,6 +218,10 @@ def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: floa
         turning=turning,
         expanded={} if expansion is None else expansion.nodes,
     )
+
+
+def _middle(places: Coordinates, ids: Sequence[int]) -> tuple[float, ...]:
+    return tuple(np.mean([places[id] for id in ids], axis=0).tolist())
 
 
 def _input_cells(path: Path) -> Iterator[tuple[str, list[int]]]:
