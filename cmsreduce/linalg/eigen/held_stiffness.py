@@ -84,6 +84,12 @@ class HeldStiffness:
             force, last = force + self._product(X - before) if share <= _SMALL else self._force(X), share
         return np.asarray(X)
 
+    def largest_force(self, X: Array) -> float:
+        """Largest force of shapes, each over the root of the stiffness of its own dof."""
+        own = np.sqrt(abs(self.K.diagonal()))
+        stiff = own > 0
+        return float((abs(self._product(X))[stiff] / own[stiff, None]).max(initial=0.0))
+
     @cached_property
     def _product(self) -> Product:
         return symmetric_product(self.K)

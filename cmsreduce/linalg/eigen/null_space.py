@@ -272,10 +272,8 @@ def _less_forced(held: HeldStiffness, shapes: Array) -> Array:
     Where K itself is rough, as behind a tie that adds up the rounding of a stiff face, the geometry is more accurate: a
     null vector gives way to the rounding along what is soft.
     """
-    own = np.sqrt(abs(held.K.diagonal()))
-    stiff, solved = own > 0, held.solved(shapes)
-    before, after = (float((abs(held.K @ X)[stiff] / own[stiff, None]).max(initial=0.0)) for X in (shapes, solved))
-    return solved if after < before else shapes
+    solved = held.solved(shapes)
+    return solved if held.largest_force(solved) < held.largest_force(shapes) else shapes
 
 
 def _hold(K: sp.csc_array, N: Array) -> HeldStiffness | None:
