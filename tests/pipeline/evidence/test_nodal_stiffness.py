@@ -83,6 +83,7 @@ def test_springs_of_the_deck(tmp_path: Path) -> None:
         ("matrix", [], sprung, "refuted"),
         ("deck", ["CELAS2,91,4000.,2,4,6,4"], SOUND, "refuted"),
         # A rigid element may give its leads the stiffness of other grids.
+        ("nameless", ["RBE2,94,,123456"], SOUND, "proven"),
         ("led", ["GRID,8,,2.,0.,0.", "RBE2,92,2,123456,8", "RBE2,93,6,123456,8"], sprung, "proven"),
     ):
         folder = tmp_path / name

@@ -125,7 +125,7 @@ def _rigidly_led(elements: Elements, moving: NDArray[np.bool_], constraints: lis
         # Behind the node that leads stand its components.
         numbers = [int(text) for k, text in enumerate(card.fields[1:]) if k != 1 and text.isdigit()]
         at = elements.nodes.index(numbers)
-        if (at >= 0).all() and moving[at[0]] and set("123456") <= set(card.text(2)):
+        if at.size and (at >= 0).all() and moving[at[0]] and set("123456") <= set(card.text(2)):
             lead[at[1:][~moving[at[1:]] & (named[at[1:]] == 1)]] = at[0]
     return lead
 
