@@ -135,14 +135,16 @@ def without_rounding(M: Matrix, T: Matrix, A: sp.csr_array, massive: NDArray[np.
     massive : (n,) bool
         Coordinates with mass.
     """
-    if massive.all() or not A.shape[0]:
+    mass = M.diagonal()
+    light = (mass > 0) & (mass < _NO_SHARE**2 * mass.max(initial=0.0))
+    if massive.all() or not light.any():
         return M
     size = abs(A).max(axis=1).toarray().ravel()
     weights = sp.csr_array(sp.diags_array(1 / np.where(size > 0, size, 1.0)) @ abs(A))
     with_mass, without = (
         (weights[:, some] @ abs(sp.csr_array(T)[some])).max(axis=0).toarray().ravel() for some in (massive, ~massive)
     )
-    rounding = (with_mass < _NO_SHARE * without) & (M.diagonal() > 0)
+    rounding = light & (with_mass < _NO_SHARE * without)
     if not rounding.any():
         return M
     kept = sp.diags_array(np.where(rounding, 0.0, 1.0))

@@ -3,23 +3,25 @@
 The error without several modes is not the sum of the errors without each: two modes may replace one another. Once no
 mode can be left out, the search leaves one out all the same, and exchanges modes, one against another, as long as the
 error falls. Errors after an exchange are predicted at a few frequencies, and measured where they are predicted to be
-small. Only sets whose true error meets the limit are kept. Where few sets have fewer modes than the one found, all of
-them are tried: errors of modes, peaks and zeros need not fall with more modes, and no prediction shows them. The search
-has no random part.
+small. Only sets whose true error meets the limit are kept. Errors of modes, peaks and zeros need not fall with more
+modes, and no prediction shows them: last, all sets of fewer modes than the one found are tried where they are few, else
+many exchanges of three modes for two. The search has no random part.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import combinations, islice, product
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.balance.effects import Effects, Judge, unreachable
+from cmsreduce.balance.mode_groups import ModeGroups, Order
 from cmsreduce.balance.ranking import CLOSE
-from cmsreduce.balance.truncation import Selection, whole_groups
+from cmsreduce.balance.truncation import Selection
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import ModalComponent
 
@@ -27,7 +29,6 @@ __all__ = ["Found", "keep_cheapest", "keep_error"]
 
 Array = NDArray[np.float64]
 
-Order = list[int]
 # A set is tried if its predicted error exceeds the limit by less than this factor, the accuracy of a few frequencies.
 _SLACK = 1.2
 # The groups predicted to be dispensable together are halved this often before groups are tried one by one.
@@ -42,6 +43,8 @@ _GAIN, _EXCHANGES, _STARTS = 1e-3, 24, 2
 _WIDTH, _TOGETHER = 12, 2
 # Sets of fewer modes than the one found, up to which all are tried: those of ten modes.
 _ALL = 2**10
+# Otherwise: groups put in for one more that is left out, exchanges that are predicted, and the best that are tried.
+_PUT_IN, _LISTED, _NEAR = (1, 2), 2**12, 96
 # In the samples exchanges leave out 4 % of a pruned set at most.
 _HOPELESS = 2
 
@@ -159,85 +162,59 @@ class _Search:
     def __init__(
         self, components: Mapping[str, ModalComponent], judge: Judge, limit: float, among: Selection | None
     ) -> None:
-        self.names, self.judge, self.limit, self.every = list(components), judge, limit, among is None
-        self.kinds = {str(kind) for each in components.values() for kind in each.kind}
-        self.groups = [
-            (name, columns)
-            for name, c in components.items()
-            for columns in whole_groups(c)
-            if among is None or np.isin(columns, among[name]).all()
-        ]
-        self.sizes = np.array([columns.size for _, columns in self.groups], dtype=np.int64)
+        self.judge, self.limit, self.every = judge, limit, among is None
+        self.sets = ModeGroups(components, among)
         self.errors: dict[frozenset[int], float] = {}
         self.limits: dict[frozenset[int], float] = {}
 
     def run(self, rankings: Mapping[str, Mapping[str, Array]], below: int | None = None) -> Found:
-        everything = frozenset(range(len(self.groups)))
+        everything = frozenset(range(len(self.sets.groups)))
         if self._error(everything, np.inf) > self.limit:
-            finding, modes = self.judge.critical(self.selection(everything)), int(self.sizes.sum())
-            raise ConfigError(unreachable(finding, modes, all_of_them=self.every, kinds=self.kinds))
+            finding, modes = self.judge.critical(self.sets.selection(everything)), int(self.sets.sizes.sum())
+            raise ConfigError(unreachable(finding, modes, all_of_them=self.every, kinds=self.sets.kinds))
         best = everything
         truncated: dict[str, int] = {}
         for name, coefficients in rankings.items():
-            for order in self._orders(coefficients):
+            for order in self.sets.orders(coefficients):
                 first = self._first_passing(order, everything if not truncated else best)
                 if first is not None:
-                    truncated[name] = min(self.modes(first), truncated.get(name, self.modes(first)))
-                    best = min(best, first, key=self.modes)
+                    truncated[name] = min(self.sets.modes(first), truncated.get(name, self.sets.modes(first)))
+                    best = min(best, first, key=self.sets.modes)
         kept = self._pruned(best)
-        if below is None or self.modes(kept) < _HOPELESS * below:
+        if below is None or self.sets.modes(kept) < _HOPELESS * below:
             kept = self._settled(kept)
             # Starting from all modes often gives the same; exchanges follow only where it gives fewer.
             other = self._pruned(everything)
-            if self.modes(other) < self.modes(kept):
+            if self.sets.modes(other) < self.sets.modes(kept):
                 kept = self._settled(other)
-            kept = self._smallest(kept)
+            while (fewer := self._smaller(kept)) is not None:
+                kept = fewer
         nearest = self._nearest(kept)
-        return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), nearest, truncated)
+        return Found(
+            self.sets.selection(kept), self.errors[kept], self.sets.modes(kept), len(self.errors), nearest, truncated
+        )
 
     def _nearest(self, kept: frozenset[int]) -> Selection | None:
         """The set without one group more that breaks the limit least."""
         members = sorted(kept)
         if not members:
             return None
-        effects = self.judge.effects(self.selection(kept), [self.groups[k] for k in members])
-        return self.selection(kept - {members[int(np.argsort(effects.single)[0])]})
-
-    def selection(self, kept: frozenset[int]) -> Selection:
-        """Columns of each body."""
-        none = np.empty(0, dtype=np.int64)
-        return {
-            name: np.sort(np.concatenate([none, *(self.groups[k][1] for k in kept if self.groups[k][0] == name)]))
-            for name in self.names
-        }
-
-    def modes(self, kept: frozenset[int]) -> int:
-        """Elastic modes of a set."""
-        return int(self.sizes[list(kept)].sum())
+        effects = self.judge.effects(self.sets.selection(kept), [self.sets.groups[k] for k in members])
+        return self.sets.selection(kept - {members[int(np.argsort(effects.single)[0])]})
 
     def _error(self, kept: frozenset[int], limit: float) -> float:
         # An error above the limit of its measurement is a lower bound, which decides at lower limits only.
         if kept not in self.errors or limit >= self.errors[kept] > self.limits[kept]:
-            self.errors[kept], self.limits[kept] = self.judge.error(self.selection(kept), limit), limit
+            self.errors[kept], self.limits[kept] = self.judge.error(self.sets.selection(kept), limit), limit
         return self.errors[kept]
 
     def _passes(self, kept: frozenset[int]) -> bool:
         return self._error(kept, self.limit) <= self.limit
 
-    def _orders(self, coefficients: Mapping[str, Array]) -> Iterator[Order]:
-        """Groups of all bodies in one list, by their coefficients and by the share of the body's largest."""
-        value = np.array([coefficients[name][columns].max() for name, columns in self.groups])
-        owner = np.array([self.names.index(name) for name, _ in self.groups], dtype=np.int64)
-        largest = np.array([value[owner == k].max(initial=0.0) for k in range(len(self.names))])
-        share = value / np.where(largest > 0, largest, 1.0)[owner]
-        yield np.argsort(-value, kind="stable").tolist()
-        if len(self.names) > 1:
-            yield np.argsort(-share, kind="stable").tolist()
-
     def _first_passing(self, order: Order, below: frozenset[int]) -> frozenset[int] | None:
         """First groups of a list that meet the limit; None if these are not fewer modes than in another set."""
-        sizes = np.concatenate([[0], np.cumsum(self.sizes[order])])
-        most = int(np.count_nonzero(sizes < self.modes(below)))
+        sizes = np.concatenate([[0], np.cumsum(self.sets.sizes[order])])
+        most = int(np.count_nonzero(sizes < self.sets.modes(below)))
         if len(below) < len(order):
             most -= 1
             if most < 0 or not self._passes(frozenset(order[:most])):
@@ -254,7 +231,7 @@ class _Search:
         """Leave out dispensable groups, several at once where their effects add up to no more than the limit."""
         while kept:
             members = sorted(kept)
-            effects = self.judge.effects(self.selection(kept), [self.groups[k] for k in members])
+            effects = self.judge.effects(self.sets.selection(kept), [self.sets.groups[k] for k in members])
             order = np.argsort(effects.single, kind="stable")
             few = order[: np.count_nonzero(effects.single <= _SLACK * self.limit)]
             # Halves of the groups predicted to be dispensable together, then single groups.
@@ -268,26 +245,33 @@ class _Search:
             kept = found
         return kept
 
-    def _smallest(self, kept: frozenset[int]) -> frozenset[int]:
-        """The first set that passes of all those with fewer modes, the fewest first, if they are few."""
-        fewer = [frozenset(some) for some in islice(self._below(self.modes(kept)), _ALL + 1)]
-        tried = sorted(fewer, key=self.modes) if len(fewer) <= _ALL else []
-        return next((some for some in tried if self._passes(some)), kept)
+    def _smaller(self, kept: frozenset[int]) -> frozenset[int] | None:
+        """The first set that passes: of all those with fewer modes, the fewest first, or of the nearest of these."""
+        fewer = [frozenset(some) for some in islice(self.sets.below(self.sets.modes(kept)), _ALL + 1)]
+        tried = sorted(fewer, key=self.sets.modes) if len(fewer) <= _ALL else self._near(kept)
+        return next((some for some in tried if self._passes(some)), None)
 
-    def _below(self, modes: int, first: int = 0) -> Iterator[tuple[int, ...]]:
-        """Sets of fewer modes than a number, of the groups from one on."""
-        if modes > 0:
-            yield ()
-            for k in range(first, len(self.groups)):
-                yield from ((k, *more) for more in self._below(modes - int(self.sizes[k]), k + 1))
+    def _near(self, kept: frozenset[int]) -> list[frozenset[int]]:
+        """Sets of fewer modes with a few groups exchanged, that with the smallest predicted error first."""
+        sizes, others = self.sets.sizes, [k for k in range(len(self.sets.groups)) if k not in kept]
+        counts = [put for put in _PUT_IN if comb(len(kept), put + 1) * comb(len(others), put) <= _LISTED]
+        if not counts:
+            return []
+        effects = self.judge.effects(self.sets.selection(kept), self.sets.groups)
+        found: list[tuple[float, tuple[int, ...]]] = []
+        for put in counts:
+            pairs = product(combinations(sorted(kept), put + 1), combinations(others, put))
+            sets = [(*out, *into) for out, into in pairs if sizes[list(into)].sum() < sizes[list(out)].sum()]
+            found += self._promising(effects, sets, self.limit, _NEAR)
+        return [kept ^ set(changed) for error, changed in sorted(found) if error <= _SLACK * self.limit]
 
     def _descended(self, kept: frozenset[int]) -> frozenset[int] | None:
         """Find a set of fewer modes that passes: without a few groups, or by exchanges from sets without one."""
         if not kept:
             return None
-        effects = self.judge.effects(self.selection(kept), self.groups)
+        effects = self.judge.effects(self.sets.selection(kept), self.sets.groups)
         order = np.argsort(effects.single, kind="stable")
-        inside = np.isin(order, list(kept))
+        inside, sizes = np.isin(order, list(kept)), self.sets.sizes
         out, into = order[inside][:_PARTNERS].tolist(), order[~inside][:_PARTNERS].tolist()
         # Modes may be dispensable together, or beside one that is left out now, that are not so one by one.
         together: list[tuple[int, ...]] = [(k,) for k in out]
@@ -295,7 +279,7 @@ class _Search:
             more = dict.fromkeys(tuple(sorted((*some, k))) for some in together for k in out if k not in some)
             found = self._promising(effects, list(more), np.inf, _PARTNERS)
             together = [some for _, some in found[:_WIDTH]]
-            beside = [(*some, k) for _, some in found for k in into if self.sizes[k] < self.sizes[list(some)].sum()]
+            beside = [(*some, k) for _, some in found for k in into if sizes[k] < sizes[list(some)].sum()]
             for error, changed in [*found[:_TRIALS], *self._promising(effects, beside, self.limit)]:
                 if error <= _SLACK * self.limit and self._passes(kept ^ set(changed)):
                     return kept ^ set(changed)
@@ -306,7 +290,7 @@ class _Search:
                     break
                 if self._passes(now):
                     return now
-                now = self._exchanged(now, [*out, *into], self.modes(kept) - 1)
+                now = self._exchanged(now, [*out, *into], self.sets.modes(kept) - 1)
         return None
 
     @staticmethod
@@ -322,9 +306,9 @@ class _Search:
     def _exchanged(self, kept: frozenset[int], among: Order, most: int) -> frozenset[int] | None:
         """Find a set of at most so many modes with one group exchanged and a smaller error."""
         out, into = ([k for k in among if (k in kept) is inside] for inside in (True, False))
-        left = most - self.modes(kept)
-        sets = [(a, b) for a in out for b in into if self.sizes[b] - self.sizes[a] <= left]
-        effects = self.judge.effects(self.selection(kept), self.groups)
+        left = most - self.sets.modes(kept)
+        sets = [(a, b) for a in out for b in into if self.sets.sizes[b] - self.sets.sizes[a] <= left]
+        effects = self.judge.effects(self.sets.selection(kept), self.sets.groups)
         # The set breaks the limit: a few frequencies tell by how much.
         limit = (1 - _GAIN) * float(effects.predicted(np.empty((1, 0), dtype=np.int64))[0])
         for _, pair in self._promising(effects, sets, limit):
