@@ -34,6 +34,8 @@ THOROUGH = 3000
 
 # Below this number of dofs a search for mechanisms costs less than the proof that there are none.
 _LARGE = 2000
+# A translation that K leaves free, in the mass norm, where its displacement is one.
+_AT_REST = 1e-6
 _FREE = 6
 # Fields of a body that its own constructor fills.
 _SOUND = "_sound"
@@ -159,7 +161,7 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     solid = None if cells is None else solid_material(as_read, cells, order)
     density = "" if solid is None else solid.to_compare(units)
     proved = prove_body(as_read, converted, stated, proof, order, negative, density)
-    notes = [*changed, *_mechanisms(body, rigid)]
+    notes = [*changed, *_mechanisms(body, rigid), *_held_turning(body, rigid)]
     if doubtful := implausible_units(as_read, units, solid):
         notes.append(f"{name}: {doubtful}")
     if proof.status != "proven":
@@ -240,6 +242,21 @@ def _mechanisms(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
     return [
         f"{body.name}: K leaves {rigid.shape[1] - whole} motions without energy beyond the {whole} rigid ones: a hinge "
         "or release inside the body. If it has none, elements are missing"
+    ]
+
+
+def _held_turning(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
+    """Note on a body that is declared grounded, and resists rotation alone, as no support does."""
+    shapes = _rigid_shapes(body)
+    if not body.grounded or shapes is None or not 0 < rigid.shape[1] < _shown_motions(body):
+        return []
+    translations = shapes[:, :3]
+    resisted = translations - rigid @ (rigid.T @ (body.M @ translations))
+    if abs(resisted).max() > _AT_REST:
+        return []
+    return [
+        f"{body.name}: its stiffness resists rotation of the whole body and no translation, as no support does: a "
+        "spring or a constraint (MPC, *EQUATION) joins points that do not coincide. The body cannot turn in your scene"
     ]
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from cmsreduce.config import BodyDraft
 from cmsreduce.errors import ReadError
 from cmsreduce.pipeline.drafts.matrix_roles import Candidate, matrices_of, stiffness_and_mass
-from cmsreduce.read import FileKind, Geometry, LabelledMatrix, file_kind, read_geometry, sha256_of
+from cmsreduce.read import FORMATS, FileKind, Geometry, LabelledMatrix, file_kind, read_geometry, sha256_of
 
 __all__ = ["bodies_of_files", "body_names", "deck_beside"]
 
@@ -50,7 +50,8 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
     if len(shapes) < len(every_shape) and {path.stem.lower() for path in every_shape} <= stems:
         # Bodies of one mesh, each with matrices of its own.
         shapes, notes = every_shape, ()
-    rows = _rows(kinds, len(shapes))
+    lists = _lists(kinds, shapes)
+    rows = lists[None]
     geometries = {path: read_geometry(path) for path in shapes}
     found = {path: matrices_of(path, rows, geometries.values()) for path in sources}
     matrices = {path: own for path, (own, _) in found.items()}
@@ -77,7 +78,8 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
             )
         own = [one for source in every for one in matrices[source]]
         left_out = [reason for source in every for reason in found[source][1]]
-        bodies.append(stiffness_and_mass(label, own, geometries[path], notes + copies, command, left_out))
+        body = stiffness_and_mass(label, own, geometries[path], notes + copies, command, left_out)
+        bodies.append(replace(body, rows=lists[path]))
         notes = ()
     return bodies
 
@@ -104,10 +106,9 @@ def _kinds(files: Sequence[Path]) -> dict[Path, FileKind]:
     files = [path for path in files if path not in beside]
     for path in files:
         kind = file_kind(path)
-        # A dof list is found beside its matrix.
-        if kind.name == "dofs":
+        if kind.name == "dofs" and any(_has_list(one, path) for one in files):
             continue
-        if kind.name == "rows":
+        if kind.name in ("dofs", "rows"):
             kinds[path] = kind
             continue
         if not (kind.matrices or kind.geometry):
@@ -121,6 +122,12 @@ def _kinds(files: Sequence[Path]) -> dict[Path, FileKind]:
     return kinds
 
 
+def _has_list(path: Path, rows: Path) -> bool:
+    """True if the reader of a matrix finds a dof list by itself: a text of entries has one of its own stem."""
+    kind = file_kind(path).matrices if path.with_suffix("") == rows.with_suffix("") else ""
+    return bool(kind) and FORMATS[kind].dof_list
+
+
 def _each_once(paths: Sequence[Path]) -> tuple[list[Path], tuple[str, ...]]:
     """Files of one body without copies, and a note on each copy."""
     first: dict[str, Path] = {}
@@ -131,16 +138,20 @@ def _each_once(paths: Sequence[Path]) -> tuple[list[Path], tuple[str, ...]]:
     return list(first.values()), tuple(notes)
 
 
-def _rows(kinds: Mapping[Path, FileKind], decks: int) -> Path | None:
-    """The list of the nodes of the rows, which holds for both matrices of the only body."""
+def _lists(kinds: Mapping[Path, FileKind], decks: Sequence[Path]) -> dict[Path | None, Path | None]:
+    """The list of the rows of each deck of several, which has its stem, and that of the only body."""
     # HBMAT writes the same list beside each matrix.
-    found, _ = _each_once([path for path, kind in kinds.items() if kind.name == "rows"])
-    if len(found) > 1 or (found and decks > 1):
+    found, _ = _each_once([path for path, kind in kinds.items() if kind.name in ("dofs", "rows")])
+    several = len(decks) > 1
+    own: dict[Path | None, Path | None]
+    own = {deck: next((one for one in found if one.stem == deck.stem), None) if several else None for deck in decks}
+    rest = [path for path in found if path not in own.values()]
+    if len(rest) > (not several):
         raise ReadError(
-            f"{', '.join(map(str, found))}: a list of the nodes of rows holds for the matrices of one body; draft each "
-            "body by itself: cmsreduce new NAME STIFFNESS MASS DECK ROWS"
+            f"{', '.join(map(str, rest))}: a list of rows holds for the matrices of one body; draft each body by "
+            "itself, cmsreduce new NAME STIFFNESS MASS DECK ROWS, or give each list the name of a deck"
         )
-    return next(iter(found), None)
+    return {**own, None: next(iter(rest), None)}
 
 
 def _has_others(kinds: Mapping[Path, FileKind]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -200,7 +201,12 @@ def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
     except CmsReduceError as error:
         # A file beside the matrices may have what is missing.
         more = f"; {_no_deck(draft)}" if draft.geometry is None and _beside(draft) is not None else ""
-        return None, replace(draft, remark=f"{error}{more}")
+        refused = replace(draft, remark=f"{error}{more}")
+        # Its places are proposed for the nodes that have rows, to be there when the files are mended.
+        with contextlib.suppress(CmsReduceError):
+            body = read(rows_trusted=True)
+            return (body, refused) if body.nodes is not None else (None, refused)
+        return None, refused
     time = Units.parse(draft.units).time if draft.units else 1.0
     return body, replace(draft, elastic_hz=None if hz is None else hz / time)
 
@@ -235,6 +241,8 @@ def _held(read: Callable[..., FEModel], refused: DofMapError) -> FEModel:
         proven = prove_row_order(body).status == "proven"
         # A body that floats is refused for another reason than its supports.
         proven = proven and (body.n > QUICK or free_motions(body).shape[1] < _FREE)
+        # Nor is one that resists rotation alone, by a constraint between points apart.
+        proven = proven and is_held(body)
     except CmsReduceError:
         proven = False
     if not proven:

@@ -37,7 +37,8 @@ def mounted(draft: BodyDraft, body: FEModel) -> BodyDraft:
     """
     places = proposed_places(draft, body)
     if not places:
-        return replace(draft, remark="no node of the deck has rows in the matrices, so that none can be the mount")
+        remark = "no node of the deck has rows in the matrices, so that none can be the mount"
+        return replace(draft, remark=draft.remark or remark)
     mount = softly_tied(places[0], body, draft.elastic_hz, Units.parse(draft.units).time if draft.units else 1.0)
     rest = tuple((each.name, each.interface, each.words) for each in places[1:])
     return _placed(replace(draft, interfaces=(("mount", mount.interface, mount.words),), proposed=rest), body, mount)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.io
+import scipy.sparse as sp
 from click.testing import CliRunner
 from pyyeti.nastran import op4
 
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError, ReadError
+from cmsreduce.model import DofTable, FEModel
 from cmsreduce.pipeline.drafts import draft_body, draft_pipeline
-from tests.pipeline.study import system_frequencies, write_study
+from tests.frames import frame, line
+from tests.pipeline.study import system_frequencies, write_body, write_study
 
 SAMPLES = Path(__file__).parents[3] / "sample_models"
 
@@ -132,6 +136,52 @@ def test_files_that_do_not_fit_are_named_and_nothing_is_lost(arm: Path) -> None:
     assert "warning: the files do not fit together yet: body 'mine'" in said
     assert load_pipeline(Path("mine.yaml")).components["mine"].geometry.file == Path("panel.bdf")
     assert typed("new", "mine", "arm.op4", "arm.bdf")[0] == 2
+
+
+def written(body: FEModel, T: sp.csc_array, dofs: DofTable) -> list[str]:
+    """Matrices T^T A T of a body, the list of their rows, and the deck in the present folder."""
+    for name, A in (("K", body.K), ("M", body.M)):
+        scipy.io.mmwrite(f"{name}.mtx", sp.coo_array(T.T @ A @ T), precision=16)
+    Path("rows.dof").write_text("\n".join(dofs.labels) + "\n")
+    return ["K.mtx", "M.mtx", f"{body.name}.bdf", "rows.dof"]
+
+
+def test_a_constraint_between_points_apart_is_no_support(arm: Path) -> None:
+    """One motion across follows that of another node, which resists rotation of the body alone."""
+    body = frame("bar", [[x, 0, 0] for x in (0.0, 0.4, 1.0, 1.5, 2.0, 2.7)], [(k, k + 1) for k in range(1, 6)])
+    write_body(arm, body)
+    gone, leads = (body.dofs.rows(node, [2])[0] for node in (5, 2))
+    rest = np.delete(np.arange(body.n), gone)
+    T = sp.lil_array((body.n, body.n))
+    T.setdiag(1.0)
+    T[gone, gone], T[gone, leads] = 0.0, 1.0
+    files = written(body, sp.csc_array(T)[:, rest], body.dofs[rest])
+    code, said = typed("new", "mine", *files)
+    assert code == 0 and "translations cost no force but rotations do" in said
+    keys = load_pipeline(Path("mine.yaml")).components["mine"]
+    assert not keys.grounded
+    # Whoever says that the ground holds it is told.
+    Path("held.yaml").write_text(
+        Path("mine.yaml").read_text().replace("    interfaces:", "    grounded: true\n    interfaces:")
+    )
+    code, said = typed("run", "held.yaml", "--until", "reduce", "--verbose")
+    assert code == 0 and "mine: its stiffness resists rotation of the whole body and no translation" in said
+
+
+def test_a_body_whose_order_is_not_proven_is_joined_at_a_node_with_rows(arm: Path) -> None:
+    body = line("bar", [0, 0, 0], [2, 0, 0], 4)
+    write_body(arm, body)
+    # The first node has no rows, and two others are exchanged.
+    rows = np.concatenate([body.dofs.rows(node, [1, 2, 3, 4, 5, 6]) for node in (2, 3, 5, 4)])
+    T = sp.csc_array(sp.eye_array(body.n))[:, np.sort(rows)]
+    code, said = typed("new", "mine", *written(body, T, body.dofs[rows]))
+    assert code == 0 and "the row order of the stiffness matrix (K.mtx) is not proven" in said
+    keys = load_pipeline(Path("mine.yaml"))
+    nodes = {
+        keys.components["mine"].interfaces["mount"].node,
+        *(int(n) for n in re.findall(r"mine\.(\d+),", Path("mine.yaml").read_text())),
+    }
+    assert nodes <= {2, 3, 4, 5} and len(nodes) == 2
 
 
 @pytest.mark.parametrize(
