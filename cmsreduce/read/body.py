@@ -11,6 +11,7 @@ import numpy as np
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, SI, Damping, DofTable, FEModel, Source, Units, rounding_of_values
+from cmsreduce.read.calculix_abaqus import expansion_beside
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import NODE_ROWS, Geometry
 from cmsreduce.read.geometry import other_length, read_geometry
@@ -29,7 +30,6 @@ _LAST_NUMBERS = (
     ". Rows with numbers beyond those of the geometry were taken as dofs inside elements; a rigid body (*RIGID BODY, "
     "*COUPLING) has such rows too, and then the geometry must be the .inp file"
 )
-
 
 # Rows that a program leaves out of its matrices without a card in the deck, by the format of the matrices.
 _LOST_ROWS = {
@@ -199,6 +199,13 @@ def _in_terms_of(geometry: Geometry | None, matrix: LabelledMatrix) -> LabelledM
         node[rows], component[rows] = of, component[rows] + _TRANSLATIONS
     inner = np.flatnonzero((component > SCALAR) & (node > max(geometry.nodes.id.max(), *geometry.turning, 0)))
     component[inner] = SCALAR
+    lacking = np.unique(node[(component > SCALAR) & (geometry.nodes.index(node) < 0)])
+    if lacking.size and (expansion := expansion_beside(matrix.path)) is not None:
+        raise DofMapError(
+            f"{geometry.path}: {lacking.size} nodes with rows in {matrix.path} have no place in it, the first is "
+            f"{lacking[0]}: CalculiX expanded shells or beams to solids ({expansion.path}), and a result file leaves "
+            "out the nodes of knots, loads and equations. Give the .inp file of this job as `geometry:`"
+        )
     node[inner] = node.max(initial=0) + 1 + np.arange(inner.size)
     return replace(matrix, dofs=DofTable(node, component))
 

@@ -4,11 +4,14 @@ import re
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from cmsreduce.cli import main
+from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError
 from cmsreduce.pipeline.evidence.deck_agreement import statement_of
 from cmsreduce.read import prove_row_order, read_geometry
-from tests.golden.calculix_bodies import Deck, solve
+from tests.golden.calculix_bodies import Deck, body, solve
 from tests.golden.test_calculix_bodies import read
 
 pytestmark = pytest.mark.ccx
@@ -107,3 +110,17 @@ def test_a_bolt_with_pre_tension_is_no_statement_of_stiffness(tmp_path):
     )
     solve(tmp_path, "bar", deck.text(), matrices=True)
     assert statement_of(tmp_path / "bar.inp", read(tmp_path)) == (None, None)
+
+
+def test_a_result_file_without_the_nodes_of_knots_is_named(tmp_path, monkeypatch):
+    """A result of another name has no list of the expansion beside it; the draft names a node with rows."""
+    text = body("folded S8R", held=False)
+    solve(tmp_path, "bar", text, matrices=True)
+    solve(tmp_path, "whole", text, matrices=False)
+    (tmp_path / "whole.12d").unlink()
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(main, ["new", "fold", "bar.sti", "bar.mas", "whole.frd"])
+    assert done.exit_code == 0
+    assert re.search(r"whole\.frd: \d+ nodes .* \(bar\.12d\), .* Give the \.inp file of this job", done.stderr)
+    rows = {int(line.split(".")[0]) for line in (tmp_path / "bar.dof").read_text().split()}
+    assert load_pipeline(tmp_path / "fold.yaml").components["fold"].interfaces["mount"].node in rows

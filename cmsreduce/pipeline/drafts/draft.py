@@ -206,6 +206,8 @@ def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
         with contextlib.suppress(CmsReduceError):
             body = read(rows_trusted=True)
             return (body, refused) if body.nodes is not None else (None, refused)
+        with contextlib.suppress(CmsReduceError):
+            return None, replace(_without_places(draft, read(geometry=None)), remark=refused.remark)
         return None, refused
     time = Units.parse(draft.units).time if draft.units else 1.0
     return body, replace(draft, elastic_hz=None if hz is None else hz / time)

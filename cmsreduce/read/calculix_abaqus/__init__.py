@@ -5,7 +5,7 @@ The reader of other programs' meshes belongs in `read.geometry`.
 """
 
 from cmsreduce.read.calculix_abaqus.decks import preload_step
-from cmsreduce.read.calculix_abaqus.expansion import expanded_node
+from cmsreduce.read.calculix_abaqus.expansion import expanded_node, expansion_beside
 from cmsreduce.read.calculix_abaqus.hourglass import hourglass_forces
 from cmsreduce.read.calculix_abaqus.matrices import ABAQUS, CALCULIX, dof_list_beside, read_dof_list
 from cmsreduce.read.calculix_abaqus.meshes import FRD, INPUT_FILE
@@ -17,6 +17,7 @@ __all__ = [
     "INPUT_FILE",
     "dof_list_beside",
     "expanded_node",
+    "expansion_beside",
     "hourglass_forces",
     "preload_step",
     "read_dof_list",
