@@ -12,7 +12,17 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
 from cmsreduce.linalg.sparse import principal_part
-from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, UntiedMass, cross_matrix, rigid_body_shapes
+from cmsreduce.model import (
+    DOUBLE,
+    DofTable,
+    FEModel,
+    Interface,
+    Nodes,
+    Recovery,
+    UntiedMass,
+    cross_matrix,
+    rigid_body_shapes,
+)
 
 __all__ = ["Tie", "tie_nodes"]
 
@@ -22,6 +32,8 @@ _IN_LINE = 1e-4
 _SIX = np.arange(1, 7, dtype=np.int8)
 _TRANSLATIONS = (1, 2, 3)
 _NAMED = 8
+# Of the terms of a sum that cancel, in roundings of the largest.
+_ROUNDINGS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +237,7 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
     place[stay] = np.arange(stay.size)
     every, dofs = body.recovery, body.dofs[stay].joined(DofTable(np.repeat(point.id, 6), _SIX))
     K = _without_noise(_congruent(body.K, T, stay, gone), body, T, gone)
-    M = _congruent(body.M, T, stay, gone)
+    M = _without_round_off(_congruent(body.M, T, stay, gone), body, T, gone)
     D = None if body.D is None else _congruent(body.D, T, stay, gone)
     follow = np.concatenate([gone, np.arange(body.n, len(every.dofs))])
     sets = {label: place[rows] for label, rows in body.sets.items() if (place[rows] >= 0).all()}
@@ -276,6 +288,22 @@ def _grown(A: sp.csc_array, m: int) -> sp.csc_array:
     return sp.csc_array((A.data, A.indices, indptr), shape=(m, m))
 
 
+def _without_round_off(M: sp.csc_array, body: FEModel, T: sp.csr_array, gone: NDArray[np.int64]) -> sp.csc_array:
+    """Mass after a tie, zero in the rows of the point whose inertia is nothing but round-off of terms that cancel.
+
+    Round-off would be a light mass, with larger round-off of either sign beside it.
+    """
+    point = np.arange(M.shape[0] - 6, M.shape[0])
+    own = _terms(body.M, T, gone, point)[:, point].diagonal()
+    none = point[abs(M.diagonal()[point]) <= _ROUNDINGS * max(body.rounding, DOUBLE) * own]
+    return _without_rows(M, none) if none.size else M
+
+
+def _terms(A: sp.csc_array, T: sp.csr_array, gone: NDArray[np.int64], point: NDArray[np.int64]) -> sp.csr_array:
+    """Absolute terms whose sums are the rows of the point in T^T A T: only rows that follow the point are in these."""
+    return sp.csr_array(abs(T[gone][:, point]).T @ abs(A[:, gone]).T @ abs(T))
+
+
 def _without_noise(K: sp.csc_array, body: FEModel, T: sp.csr_array, gone: NDArray[np.int64]) -> sp.csc_array:
     """Stiffness after a tie, zero in the rows of the point if rounding of the files explains all that they hold.
 
@@ -283,12 +311,16 @@ def _without_noise(K: sp.csc_array, body: FEModel, T: sp.csr_array, gone: NDArra
     point moves all of the boundary, only noise is left, which would hold the body or push it.
     """
     point = np.arange(K.shape[0] - 6, K.shape[0])
-    # Only rows that follow the point are in its own.
-    explained = body.stiffness_rounding * (abs(T[gone][:, point]).T @ abs(body.K[:, gone]).T @ abs(T))
+    explained = body.stiffness_rounding * _terms(body.K, T, gone, point)
     if (abs(K[:, point].T) - explained).max() > 0:
         return K
-    kept = sp.diags_array((np.arange(K.shape[0]) < point[0]).astype(np.float64))
-    cleaned = sp.csc_array(kept @ K @ kept)
+    return _without_rows(K, point)
+
+
+def _without_rows(A: sp.csc_array, rows: NDArray[np.int64]) -> sp.csc_array:
+    """Symmetric matrix with zeros in some rows and columns."""
+    kept = sp.diags_array((~np.isin(np.arange(A.shape[0]), rows)).astype(np.float64))
+    cleaned = sp.csc_array(kept @ A @ kept)
     cleaned.eliminate_zeros()
     return cleaned
 

@@ -334,3 +334,17 @@ def test_coordinates_of_few_digits_follow_from_the_stiffness_and_those_of_many_n
         assert rigid.shape[1] == 6
         found.append(la.eigvalsh(tied.K.toarray(), tied.M.toarray())[6:12])
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+
+
+def test_a_point_that_no_mass_turns_with_has_no_inertia_by_round_off():
+    """Elements of one integration point: mass moves with the mean of a section alone, as of CalculiX's C3D8R."""
+    cells = (3, 1, 1)
+    body = block("bar", (0.3, 0.07, 0.013), cells, {"end": face(cells, 3)})
+    share = np.array([0.13, 0.21, 0.29, 0.37])
+    order = np.argsort(np.concatenate([body.dofs.rows(node, [1, 2, 3]) for i in range(4) for node in face(cells, i)]))
+    M = np.kron(np.eye(4), np.kron(np.outer(share, share), np.eye(3)))[np.ix_(order, order)]
+    middle = share @ body.nodes.xyz[body.nodes.index(face(cells, 3))]
+    tied = tie_nodes(replace(body, M=sp.csc_array(M)), "end", Tie("rigid", position=middle))
+    own = point_rows(tied)
+    np.testing.assert_allclose(tied.M[own[:3]].toarray()[:, own[:3]], np.eye(3), atol=1e-15)
+    assert not tied.M[own[3:]].nnz
