@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -13,15 +15,20 @@ from tests.assemble.rigs import rigid_modes
 from tests.solids import block
 
 BODY = block("bar", [0.8, 0.2, 0.2], [8, 3, 3], {"root": [1, 2, 3, 7]})
-MODES, FEWER = (
-    orthogonalise(reduction("craig-bampton", hz).reduce(BODY, BODY.interface_rows("root"), rigid=rigid_modes(BODY)))
-    for hz in (6e3, 2e3)
-)
 
 
-@pytest.mark.parametrize("full", [None, MODES])
-@pytest.mark.parametrize("reduced", [None, FEWER])
-def test_they_are_the_products_over_all_dofs(full, reduced):
+@cache
+def modes_to(hz):
+    """Not made while tests are collected, which every process does."""
+    return orthogonalise(
+        reduction("craig-bampton", hz).reduce(BODY, BODY.interface_rows("root"), rigid=rigid_modes(BODY))
+    )
+
+
+@pytest.mark.parametrize("many", [False, True])
+@pytest.mark.parametrize("few", [False, True])
+def test_they_are_the_products_over_all_dofs(many, few):
+    full, reduced = modes_to(6e3) if many else None, modes_to(2e3) if few else None
     rng = np.random.default_rng(0)
     X, Y = (
         rng.standard_normal((BODY.n if modes is None else modes.omega.size, k)) + 1j * rng.standard_normal(k)
@@ -36,6 +43,6 @@ def test_they_are_the_products_over_all_dofs(full, reduced):
 
 
 def test_a_body_that_is_no_finite_element_model_has_its_own_mass():
-    sub = modal_substructure(MODES, [])
+    sub = modal_substructure(modes_to(6e3), [])
     masses = mass_products({}, {}, {}, {"bar": sub})
-    np.testing.assert_array_equal(masses["bar"].toarray(), np.eye(MODES.omega.size))
+    np.testing.assert_array_equal(masses["bar"].toarray(), np.eye(modes_to(6e3).omega.size))

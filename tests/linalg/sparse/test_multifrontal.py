@@ -1,5 +1,6 @@
 """Multifrontal factors as a backend: when they are used, which matrices are refused, and the modes that they give."""
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -16,14 +17,20 @@ from cmsreduce.multifrontal import factor as package
 from tests.linalg.sparse.test_factorise import BRICKS, SPECTRA, TOWER
 from tests.solids import block
 
-CUBE = block("cube", (1.0, 1.0, 1.0), (15, 15, 15), held=range(1, 257))
+
+@cache
+def cube():
+    """Not made while tests are collected, which every process does."""
+    return block("cube", (1.0, 1.0, 1.0), (15, 15, 15), held=range(1, 257))
+
+
 BAR = block("bar", (3.0, 0.4, 0.3), (40, 5, 5), held=range(1, 37))
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("row", [0, 1700, -1])
 def test_an_indefinite_matrix_is_refused(threads, row):
-    A = CUBE.K.copy()
+    A = cube().K.copy()
     A[row, row] *= -1
     with (
         solver_settings(SolverSettings("multifrontal", threads=threads)),
@@ -33,11 +40,11 @@ def test_an_indefinite_matrix_is_refused(threads, row):
 
 
 def test_auto_takes_it_for_large_matrices(monkeypatch):
-    monkeypatch.setattr(module, "LARGE", CUBE.n)
+    monkeypatch.setattr(module, "LARGE", cube().n)
     with solver_settings(SolverSettings()) as settings:
-        assert isinstance(factorise(CUBE.K), Multifrontal)
-        factorise(CUBE.K[:-1][:, :-1])
-        factorise(CUBE.K, definite=False)
+        assert isinstance(factorise(cube().K), Multifrontal)
+        factorise(cube().K[:-1][:, :-1])
+        factorise(cube().K, definite=False)
     taken = [work.backend == "multifrontal" for work in settings.work]
     # Without MKL it is the quickest for smaller ones, too.
     assert taken == [True, not module.installed("pardiso"), True]
@@ -65,13 +72,13 @@ def test_auto_takes_the_first_factor_that_fits(monkeypatch):
     for backend in ("multifrontal", "pardiso"):
         for precision in ("double", "single"):
             with solver_settings(SolverSettings(backend, precision=precision)) as settings:
-                factorise(CUBE.K)
+                factorise(cube().K)
             needs[backend, precision] = settings.work[0].mib * 2**20
     by_need = sorted(needs, key=needs.__getitem__)
     assert needs["multifrontal", "single"] < 0.6 * needs["multifrontal", "double"]
     for (backend, precision), above in pairwise(by_need):
         with solver_settings(SolverSettings(memory=(needs[backend, precision] + needs[above]) / 2)) as settings:
-            x = factorise(CUBE.K)(CUBE.K @ np.ones(CUBE.n))
+            x = factorise(cube().K)(cube().K @ np.ones(cube().n))
         np.testing.assert_allclose(x, 1.0, rtol=0, atol=1e-9)
         taken = settings.work[0]
         assert needs[taken.backend, taken.precision] <= needs[backend, precision]
@@ -83,14 +90,14 @@ def test_auto_takes_the_first_factor_that_fits(monkeypatch):
         solver_settings(SolverSettings("multifrontal", memory=0.9 * needs["multifrontal", "single"])),
         pytest.raises(InsufficientMemoryError, match="GiB may be used"),
     ):
-        factorise(CUBE.K)
+        factorise(cube().K)
 
 
 def test_solutions_in_single_precision_are_refined():
-    x = np.random.default_rng(4).standard_normal((CUBE.n, 5)) * [1e-60, 1.0, 1e60, 0.0, 3.0]
+    x = np.random.default_rng(4).standard_normal((cube().n, 5)) * [1e-60, 1.0, 1e60, 0.0, 3.0]
     with solver_settings(SolverSettings("multifrontal", precision="single")) as settings:
-        factor = factorise(CUBE.K)
-        found = factor(CUBE.K @ x)
+        factor = factorise(cube().K)
+        found = factor(cube().K @ x)
     assert [(work.backend, work.precision) for work in settings.work] == [("multifrontal", "single")]
     assert (abs(found - x).max(axis=0) <= 1e-9 * abs(x).max(axis=0)).all()
     assert factor.contraction > 1e-9 and factor.negative_pivots == 0
@@ -128,12 +135,12 @@ def test_counts_without_a_stored_factor_are_the_dense_counts(monkeypatch, body):
 def test_a_count_needs_less_memory_than_a_factor(monkeypatch):
     monkeypatch.setattr(module, "LARGE", 1)
     with solver_settings(SolverSettings("multifrontal", threads=1)) as settings:
-        factorise(CUBE.K)
-        factorise(CUBE.K, definite=False, solves=False)
+        factorise(cube().K)
+        factorise(cube().K, definite=False, solves=False)
     stored, counted = (work.mib for work in settings.work)
     assert counted < 0.7 * stored
     with solver_settings(SolverSettings(threads=1, memory=(counted + stored) / 2 * 2**20)) as settings:
-        assert factorise(CUBE.K, definite=False, solves=False).negative_pivots == 0
+        assert factorise(cube().K, definite=False, solves=False).negative_pivots == 0
     assert [(work.backend, work.precision) for work in settings.work] == [("multifrontal", "double")]
 
 
