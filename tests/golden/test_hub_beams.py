@@ -76,7 +76,7 @@ def test_articulation_inertia_is_that_of_rigid_beams_on_a_free_hub(systems):
 
 @pytest.fixture(scope="module")
 def result(run):
-    return execute(run, PIPELINE)
+    return execute(run, PIPELINE, report=False)
 
 
 def test_the_reduced_system_has_the_frequencies_to_all_digits(result):

@@ -32,7 +32,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(run):
-    return execute(run, PIPELINE)
+    return execute(run, PIPELINE, report=False)
 
 
 def test_sizes_are_those_of_the_chain(result):

@@ -57,7 +57,7 @@ def test_few_digits_run_with_error_bars(
     # The check of the frequencies' error bars is as strict as the run's limit on frequencies.
     limit = 1e-6
     run = opened(f"verify.limits={{frequency_error: {limit}}}", text=FREE)
-    execute(run, study)
+    execute(run, study, report=False)
     facts = json.loads((run.folder / "summary.json").read_text())
     part = facts["components"]["arm"]
     assert part["rigid_modes"] == 6
@@ -82,7 +82,7 @@ def test_a_component_file_is_checked_to_the_digits_of_its_nodes(opened: Callable
     grids = [f"GRID,{node},,{x:.6f},0.,0.\n" for node, x in zip(body.nodes.id, body.nodes.xyz[:, 0], strict=True)]
     (study.parent / "arm.bdf").write_text("BEGIN BULK\n" + "".join(grids) + "ENDDATA\n")
     run = opened("write.formats=[hdf5]", text=FREE)
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     findings, verdict = check_result(run.folder, Limits())
     momentum = [each for each in findings if each.name.startswith("momentum")]
     assert len(momentum) == 2 and max(each.value for each in momentum) > 1e-8
@@ -121,7 +121,7 @@ def test_a_superelement_with_the_noise_of_condensation_passes(
     write_body(study.parent, replace(exact, K=sp.csc_array(noisy)))
     (study.parent / "rows.txt").write_text("".join(f"{label}\n" for label in exact.dofs.labels))
     run = opened(text=CONDENSED)
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     part = result.components["wing"]
     assert result.verdict.word == "PASS" and part.modes.rigid_count == 6
     proof = next(proof for proof in part.proofs if proof.what == "rigid motions")

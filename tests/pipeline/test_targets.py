@@ -41,7 +41,7 @@ def test_superelements_join_as_the_reduced_bodies_did(
         convert(finished_study / "out" / f"{name}.h5", study.parent / f"{name}_se.op4", "nastran")
         (study.parent / f"{name}.op4").unlink()
         text = text.replace(f"{name}.op4", f"{name}_se.{matrices}").replace(f"{name}.bdf", f"{name}_se.bdf")
-    execute(opened(text=text), study)
+    execute(opened(text=text), study, report=False)
     for configuration in (0, 1):
         reduced, joined = (hertz(folder / "out", configuration) for folder in (finished_study, study.parent))
         np.testing.assert_allclose(joined, reduced, rtol=accuracy, atol=1e-6)
@@ -74,7 +74,7 @@ def test_targets_need_the_component_file_alone(
     takes_arm = {name: target for name, target in TARGETS.items() if name not in ("extptfm", "radioss")}
     formats = ["hdf5", *(f'"{name}"' for name in takes_arm)]
     run = opened(f"write={{formats: [{', '.join(formats)}], all_nodes: true, dialects: {{sid: by-mode}}}}")
-    assert execute(run, study) is not None
+    assert execute(run, study, report=False) is not None
     shutil.copy(study.parent / "out" / "arm.h5", tmp_path / "arm.h5")
     for name, target in takes_arm.items():
         dialect = "by-mode" if name == "sid" else None
@@ -85,7 +85,7 @@ def test_targets_need_the_component_file_alone(
 
 def test_no_component_file_is_left_where_none_was_asked_for(opened: Callable[..., Run], study: Path) -> None:
     run = opened("write={formats: [nastran, fmi], dialects: {fmi: fmi2}}")
-    assert execute(run, study) is not None
+    assert execute(run, study, report=False) is not None
     out = study.parent / "out"
     units = [out / f"{name}.fmu" for name in ("arm", "panel", "system-0", "system-1")]
     assert {out / "arm.op4", *units} <= set(run.stages.written)
@@ -158,7 +158,7 @@ def test_a_run_replaces_no_deck_that_it_reads(opened: Callable[..., Run], study:
     text = PIPELINE.replace("arm.op4", "arm_full.op4").replace("panel.op4", "panel_full.op4")
     run = opened("write={formats: [nastran]}", f"output={study.parent}", text=text)
     with pytest.raises(WriteError, match=r"arm\.bdf: this file is read by the run"):
-        execute(run, study)
+        execute(run, study, report=False)
     assert deck.read_bytes() == before
 
 
@@ -179,7 +179,7 @@ def test_a_slash_makes_a_folder(finished_study: Path, tmp_path: Path) -> None:
 def test_a_run_writes_a_folder_for_each_program(opened: Callable[..., Run], study: Path, tmp_path: Path) -> None:
     """The same bytes as `convert --for`; what a file leaves out is a note of the run."""
     run = opened(f"write={{all_nodes: true, targets: [{', '.join(PROFILES)}], frame: {{kind: clamped, at: root}}}}")
-    assert execute(run, study) is not None
+    assert execute(run, study, report=False) is not None
     out = study.parent / "out"
     for program in PROFILES:
         for path in convert(out / "arm.h5", f"{tmp_path / program}/", profile=program):

@@ -13,7 +13,7 @@ __all__ = ["tied"]
 
 
 def test_shapes_of_tied_nodes(tied: Callable[..., Run], study: Path) -> None:
-    execute(tied("write={all_nodes: true}"), study)
+    execute(tied("write={all_nodes: true}"), study, report=False)
     for name in ("near", "far"):
         with h5py.File(study.parent / "out" / f"{name}.h5") as file:
             ids, xyz = file["nodes/id"][:], file["nodes/xyz"][:]

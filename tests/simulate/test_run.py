@@ -50,7 +50,7 @@ def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = folder / "pair.yaml"
     path.write_text(PIPELINE.format(output=folder / "out"))
     pipeline = load_pipeline(path)
-    execute(Run(pipeline, pipeline.output, Silent()), path)
+    execute(Run(pipeline, pipeline.output, Silent()), path, report=False)
     return folder / "out"
 
 

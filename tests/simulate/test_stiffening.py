@@ -40,7 +40,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> MultibodyScene:
     folder = tmp_path_factory.mktemp("spun")
     path = write_beam(folder, text=TEXT)
     pipeline = load_pipeline(path)
-    execute(Run(pipeline, pipeline.output, Silent()), path)
+    execute(Run(pipeline, pipeline.output, Silent()), path, report=False)
     return multibody_scene(folder / "out")
 
 

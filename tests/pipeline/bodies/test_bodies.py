@@ -92,7 +92,7 @@ def test_a_single_point_is_a_body(opened: Callable[..., Run], study: Path) -> No
     dofs = DofTable(np.ones(6, dtype=int), np.arange(1, 7))
     write_body(study.parent, FEModel("panel", sp.csc_array((6, 6)), mass, dofs, at))
     run = opened("scene.sensors.probe={at: panel.1, measure: z}")
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     assert result is not None and result.passed
     assert (run.modal("panel").rigid_count, run.modal("panel").elastic_count) == (6, 0)
     # The same as a rigid body of this mass.
@@ -120,7 +120,7 @@ def test_rigid_bodies_alone_are_a_system(opened: Callable[..., Run], study: Path
         "  actuators: {{m: {{joint: h}}}}\n  sensors: {{turn: {{joint: h}}}}\nverify: {{}}\nwrite: {{}}\n"
     )
     run = opened(text=text)
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     assert result is not None and result.verdict.word == "not checked"
     w = np.array([1.0, 3.0])
     H = run.comparison.reference.assembled.response(run.scene.configurations[0], w)[:, 0, 0]
@@ -130,7 +130,7 @@ def test_rigid_bodies_alone_are_a_system(opened: Callable[..., Run], study: Path
 
 def test_bodies_that_are_not_reduced_join_as_they_are(opened: Callable[..., Run], study: Path) -> None:
     run = opened("reduce=null", "balance=null", "components.panel.reduce={cutoff: 15}")
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     assert result is not None and set(result.components) == {"panel"}
     assert any(note.startswith("arm: not reduced") for note in result.notes)
     assert 0 < result.worst()["frf_error"] < 0.03
@@ -147,7 +147,7 @@ def test_the_files_of_a_body_that_is_not_reduced_hold_all_its_modes(
     run = opened(
         "reduce=null", "balance=null", f"components.arm.damping={damping}", "write.formats=[hdf5]", "verify=null"
     )
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     assert result is not None and any("arm: not reduced; its files hold all its 30 modes" in n for n in result.notes)
     body, file = run.bodies["arm"].body, read_component(study.parent / "out" / "arm.h5")
     exact = np.sqrt(la.eigh(body.K.toarray(), body.M.toarray(), eigvals_only=True)[6:])
@@ -169,9 +169,9 @@ def test_files_of_a_large_body_that_is_not_reduced_are_refused(
     monkeypatch.setattr("cmsreduce.pipeline.run.reading.WRITTEN_LIMIT", 29)
     run = opened("reduce=null", "balance=null", "components.panel.reduce={cutoff: 15}")
     with pytest.raises(ConfigError, match=r"'arm': `write.formats` asks for its files.*30 dofs.*components.arm.reduce"):
-        execute(run, study)
+        execute(run, study, report=False)
     assert not list((study.parent / "out").glob("*.h5"))
-    assert execute(opened("reduce=null", "balance=null", "write=null"), study) is not None
+    assert execute(opened("reduce=null", "balance=null", "write=null"), study, report=False) is not None
 
 
 FREE_ARM = (

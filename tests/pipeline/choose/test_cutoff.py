@@ -124,7 +124,7 @@ def test_the_summary_has_the_choice_under_keys_of_its_own(opened: Callable[..., 
     run = opened(
         *AUTO, "reduce.method=macneal-rubin", "verify.limits={frf_error: 1e-4}", "components.arm.reduce.cutoff=4"
     )
-    execute(run, study)
+    execute(run, study, report=False)
     parts = json.loads((run.folder / "summary.json").read_text())["components"]
     found, choice = parts["panel"]["cutoff"], run.cutoffs["panel"]
     expected = choice.cutoff_bands, choice.error, choice.limit

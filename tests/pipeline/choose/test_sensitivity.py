@@ -88,7 +88,7 @@ def test_modes_on_the_edge_are_marked_everywhere(opened: Callable[..., Run], stu
 
 def test_nothing_is_looked_at_unless_asked_for(opened: Callable[..., Run], study: Path) -> None:
     run = opened("balance.keep={modes: 4}")
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     assert result is not None and result.sensitivity is None
     assert json.loads((run.folder / "summary.json").read_text())["sensitivity"] is None
     assert not any("sensitivity" in text for text in run.stages.progress.done)  # type: ignore[attr-defined]

@@ -44,7 +44,7 @@ write: {{formats: [hdf5]}}
 def run(folder: Path, *overrides: str) -> dict:
     path = write_study(folder, FREE)
     pipeline = load_pipeline(path, overrides)
-    execute(Run(pipeline, pipeline.output, Silent()), path)
+    execute(Run(pipeline, pipeline.output, Silent()), path, report=False)
     return json.loads((folder / "out" / "summary.json").read_text())
 
 
