@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from shutil import rmtree
 from typing import Any, TypeVar
 from uuid import uuid4
 
@@ -32,6 +32,9 @@ from cmsreduce.read import expect_kind
 __all__ = ["ParallelRun", "opened_run"]
 
 T = TypeVar("T")
+
+# Folder in that of the stages.
+_TAKEN = ".taken"
 
 
 @dataclass(frozen=True)
@@ -85,16 +88,19 @@ class ParallelRun(Run):
     @contextmanager
     def _marks(self) -> Iterator[Path | None]:
         """Folder in which a process marks the body that it takes; None where the processes cannot share results."""
-        stages = self.stages.store.folder
+        folder = self.stages.store.folder.resolve() / _TAKEN
+        # Of a run that was killed.
+        rmtree(folder, ignore_errors=True)
         try:
-            stages.mkdir(parents=True, exist_ok=True)
-            made = TemporaryDirectory(prefix=".taken.", dir=stages)
+            folder.mkdir(parents=True)
         except OSError:
             # The first result to write reports it.
             yield None
             return
-        with made as name:
-            yield Path(name).resolve()
+        try:
+            yield folder
+        finally:
+            rmtree(folder, ignore_errors=True)
 
     def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
         """Errors and curves in every configuration; each process measures some of them."""

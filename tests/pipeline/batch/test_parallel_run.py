@@ -46,9 +46,12 @@ def alone(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 @pytest.mark.usefixtures("warm_processes")
 def test_processes_find_the_same_as_one(alone: Any, good_study: Path, tmp_path: Path) -> None:
-    path, log = good_study / "study.yaml", Log()
+    path, log, taken = good_study / "study.yaml", Log(), tmp_path / "stages" / ".taken"
+    # As a run leaves it that was killed.
+    taken.mkdir(parents=True)
+    (taken / "arm").touch()
     with opened_run(path, (), tmp_path, log, jobs=2) as run:
-        assert isinstance(run, ParallelRun)
+        assert isinstance(run, ParallelRun) and not taken.exists()
         # What the processes finished is not done again here.
         assert {name for name in run.reduced_names if (tmp_path / "stages" / f"{name}.orthogonalise.h5").is_file()} == {
             *run.reduced_names
