@@ -113,6 +113,8 @@ _MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(
 # MBDyn reads by record groups, and some writers have other words before them.
 _MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:\*\*[^\n]*\n|\s*\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
 _SUBSTRUCTURE = rb"\A(?:\xef\xbb\xbf)?(?:\s*\*\*[^\n]*\n)*\s*\*\s*USER\s*ELEMENT\b"
+# With remarks, and separated as spreadsheets do.
+_DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*\d+(?:\.|[ \t]*,[ \t]*)[0-6]\s*\n){2}"
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:\s*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 _MARKS = (
@@ -154,9 +156,7 @@ _MARKS = (
     _Mark("sid", "an SID file, a body that is reduced already", _matches(rb"^\s*part\s*$\s*^\s*new modal\b"), _REDUCED),
     _Mark("mbdyn", "a modal body of MBDyn, which is reduced already", _matches(_MBDYN), _REDUCED),
     _Mark("html", "a web page", _matches(rb"\A\s*<(?:!doctype\s+)?html")),
-    _Mark(
-        "dofs", "a dof list, one node.component a line", _matches(rb"\A(?:\s*\d+\.[0-6]\s*\n){2}"), "use it as `rows:`"
-    ),
+    _Mark("dofs", "a dof list, one node.component a line", _matches(_DOFS), "use it as `rows:`"),
     _Mark("mesh", "a mesh", _matches(_MESH), geometry="mesh"),
     _Mark(
         "pipeline",

@@ -168,6 +168,23 @@ def test_a_constraint_between_points_apart_is_no_support(arm: Path) -> None:
     assert code == 0 and "mine: its stiffness resists rotation of the whole body and no translation" in said
 
 
+@pytest.mark.parametrize("form", ["plain", "spreadsheet"])
+def test_a_list_of_the_rows_goes_into_the_draft(arm: Path, form: str) -> None:
+    body = line("bar", [0, 0, 0], [2, 0, 0], 4)
+    write_body(arm, body)
+    # All x, then all y: the deck cannot say so.
+    order = np.lexsort((body.dofs.node, body.dofs.component))
+    files = written(body, sp.csc_array(sp.eye_array(body.n))[:, order], body.dofs[order])
+    if form == "spreadsheet":
+        text = "# node, component\n" + Path("rows.dof").read_text().replace(".", ", ")
+        Path("rows.dof").write_text(text, encoding="utf-8-sig", newline="\r\n")
+    code, said = typed("new", "mine", *files)
+    assert (code, "warning" in said) == (0, False)
+    assert load_pipeline(Path("mine.yaml")).components["mine"].rows.file == Path("rows.dof")
+    with pytest.raises(ReadError, match="or give each list the name of a deck"):
+        draft_pipeline("two", [Path("arm.op4"), Path("arm.bdf"), *map(Path, files)])
+
+
 def test_a_body_whose_order_is_not_proven_is_joined_at_a_node_with_rows(arm: Path) -> None:
     body = line("bar", [0, 0, 0], [2, 0, 0], 4)
     write_body(arm, body)
