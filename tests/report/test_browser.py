@@ -328,7 +328,9 @@ def test_marks_of_the_modes(browser: Any, tmp_path: Path) -> None:
     path.write_text(render_report(replace(run, projection=None)), encoding="utf-8")
     traces = "() => document.getElementById('sigma-0').data.map((trace) => [trace.name, trace.x.length])"
     with opened(browser, path) as found:
-        found.draw_all()
+        found.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        found.page.locator("#sigma-0").scroll_into_view_if_needed()
+        found.page.wait_for_selector("html[data-drawn~=sigma-0]", state="attached", timeout=60_000)
         names = found.page.evaluate(traces)
     counts = [count for name, count in names if name == "clusters"]
     assert names[:3] == [["kept", 120], ["left out", 10], ["on the edge", 2]]
