@@ -15,7 +15,7 @@ from cmsreduce.simulate.joints import Connection, Frame, Moving
 from cmsreduce.simulate.laws import Law
 from cmsreduce.simulate.movements import Element, JointMotion, Movement, PointMotion, point_row, strut_row
 
-__all__ = ["FRAME", "IMPLIED", "Equations", "multipliers"]
+__all__ = ["CLOSED", "FRAME", "IMPLIED", "PROJECTIONS", "Equations", "multipliers"]
 
 Array = NDArray[np.float64]
 
@@ -24,10 +24,12 @@ IMPLIED = 1e-9
 FRAME = 7
 """Coordinates of a frame: its place and its Euler parameters."""
 
-# Projections on the constraints that a step takes: each one squares the error.
-_PROJECTIONS = 8
-# Relative to the size of the scene: gap that rounding leaves, and gap at which a joint is open.
-_CLOSED, _OPEN = 1e-13, 1e-6
+PROJECTIONS = 8
+"""Projections on the constraints that a step takes: each one squares the error."""
+CLOSED = 1e-13
+"""Relative to the size of the scene: gap of a joint that rounding leaves."""
+# Relative to the size of the scene: gap at which a joint is open.
+_OPEN = 1e-6
 
 
 class Equations:
@@ -292,12 +294,12 @@ class Equations:
         self.balls.take_short_way(y[self.values])
         if not self.constrained:
             return y
-        for _ in range(_PROJECTIONS):
+        for _ in range(PROJECTIONS):
             frames = self.frames(y)
             value, G, _ = self._constraints(self._moving(frames))
             masses = [M for M, _, _ in self._inertia(frames)]
             value /= self._sizes
-            if np.abs(value).max() <= _CLOSED:
+            if np.abs(value).max() <= CLOSED:
                 break
             self._move(y, frames, self._shortest(masses, G, -value * self._sizes))
         else:

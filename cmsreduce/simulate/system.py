@@ -9,7 +9,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError, SimulationError
-from cmsreduce.simulate.equations import IMPLIED, Equations, multipliers
+from cmsreduce.simulate.equations import CLOSED, IMPLIED, PROJECTIONS, Equations, multipliers
 from cmsreduce.simulate.joints import Frame
 
 __all__ = ["MultibodySystem"]
@@ -41,7 +41,8 @@ class MultibodySystem(Equations):
         base : (body, (3,), (3,)), optional
             A body, and velocity and angular velocity of its frame, along the axes of the scene.
         modes : mapping of body to (k,), optional
-            Modal coordinates at the start; bodies are deformed at rest.
+            Modal coordinates at the start; bodies are deformed at rest, and placed so that their joints close. Where
+            no place of the bodies closes them, as in some loops, the nearest modal coordinates that do are taken.
 
         Raises
         ------
@@ -53,7 +54,7 @@ class MultibodySystem(Equations):
             if q.shape != (self.bodies[number].k,):
                 raise SceneError(f"body '{self.bodies[number].name}' has {self.bodies[number].k} modes, not {q.size}")
             y[self.modal[number]] = q
-        y = self.projected(y)
+        y = self.projected(self._placed(y) if modes else y)
         frames = self.frames(y)
         moving = self._moving(frames)
         _, G, _ = self._constraints(moving)
@@ -78,6 +79,18 @@ class MultibodySystem(Equations):
                 "give fewer rates, those that the joints leave free"
             )
         y[self.first_speed : self.first_speed + self.n] = u
+        return y
+
+    def _placed(self, y: Array) -> Array:
+        """The state with bodies moved as rigid ones until their joints close; as it is where they do not close so."""
+        placed = y.copy()
+        for _ in range(PROJECTIONS):
+            frames = self.frames(placed)
+            value, G, _ = self._constraints(self._moving(frames))
+            if not value.size or np.abs(value / self._sizes).max() <= CLOSED:
+                return placed
+            masses = self._rigid(frames, G)
+            self._move(placed, frames, self._shortest(masses, G, -value))
         return y
 
     def energies(self, y: Array) -> tuple[float, float]:

@@ -65,6 +65,16 @@ def test_free_motion_keeps_energy_and_momentum(run_dir: Path) -> None:
     assert abs(motion.momentum - motion.momentum[0]).max() < 1e-8 * abs(motion.momentum[0]).max()
 
 
+def test_modal_coordinates_at_the_start_are_those_asked_for(run_dir: Path) -> None:
+    """The bodies are placed so that the hinge closes, and keep their deflections."""
+    shapes = {"arm": [2e-2, -1e-2], "panel": [3e-2, 2e-2]}
+    motion = cms.simulate(run_dir, 1e-4, modes=shapes, points=1)
+    for name, q in shapes.items():
+        np.testing.assert_allclose(motion.modal[name][0], q, rtol=1e-12)
+    gap = motion.point("arm", 5) - motion.point("panel", 1)
+    assert abs(gap).max() < 1e-12
+
+
 def test_a_slew_conserves_what_it_should(run_dir: Path) -> None:
     """The motor is inside: momentum stays zero, and energy is the motor's work; a rate gyro sees the turn."""
     motion = cms.simulate(run_dir, 0.1, efforts={"motor": cms.Slew(1.5, 0.1)}, points=5, accuracy=1e-6)
