@@ -23,8 +23,9 @@ __all__ = [
     "stops_in_a_number",
 ]
 
-_NASTRAN_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]?\d+))?\Z")
-_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([EeDd][+-]?\d+|[+-]\d+)?")
+# A digit belongs to one part only: else thousands of digits would be divided in every way.
+_NASTRAN_REAL = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:(?:[ED]|(?=[+-]))([+-]?\d+))?\Z")
+_PLAIN = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)([EeDd][+-]?\d+|[+-]\d+)?")
 
 # Solvers print at least this many digits in scientific notation, all numbers alike; shorter ones are typed and exact.
 _FEWEST_ALIKE = 4

@@ -45,7 +45,7 @@ _UNITS: dict[str, tuple[Dimension, float]] = {
     name: (dimension, value) for dimension in get_args(Dimension) for name, value in units_of(dimension).items()
 }
 
-_FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-][^\s]*)?\s*")
+_FORM = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-][^\s]*)?\s*")
 
 ElementFigure = Literal["stiffness", "damping", "inertia"]
 """Properties of a joint along each of its motions."""
@@ -70,8 +70,8 @@ _DIMENSION: dict[tuple[ElementFigure, bool], tuple[Powers, str]] = {
     ("damping", False): ((0, 1, -1), "3 N*s/m"),
     ("inertia", True): ((2, 1, 0), "1e-3 kg*m^2"),
 }
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
-_PERCENT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%\s*")
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_PERCENT = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*%\s*")
 _FACTOR = re.compile(r"\s*([*·/]?)\s*([A-Za-z]+)\s*(?:(?:\^|\*\*)?\s*([23])|([²³]))?\s*")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
-from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets
+from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets, whole_number
 
 __all__ = ["nodes_with_own_rows", "rotation_nodes", "supports"]
 
@@ -88,11 +88,12 @@ def nodes_with_own_rows(deck: Sequence[Block], sets: DeckSets) -> set[int]:
             found.update(node for fields in block.rows for node in sets.nodes_of(fields[0]))
         elif block.keyword == "EQUATION":
             # The number of terms, then node, component and coefficient of each, on one line or more.
-            numbers = [text for fields in block.rows for text in fields if text]
-            while numbers:
-                terms = 3 * int(numbers[0]) if numbers[0].isdigit() else len(numbers)
-                found.update(node for text in numbers[1 : 1 + terms : 3] for node in sets.nodes_of(text))
-                numbers = numbers[1 + terms :]
+            numbers, at = [text for fields in block.rows for text in fields if text], 0
+            while at < len(numbers):
+                terms = whole_number(numbers[at])
+                end = at + 1 + 3 * (len(numbers) if terms is None else max(terms, 0))
+                found.update(node for text in numbers[at + 1 : end : 3] for node in sets.nodes_of(text))
+                at = end
     return found
 
 
@@ -103,7 +104,7 @@ def _components(block: Block, fields: list[str]) -> list[int]:
         return list(_NAMED[first])
     last = fields[2] if len(fields) > 2 and fields[2] else first
     try:
-        return [component for component in range(int(first), int(last) + 1) if 1 <= component <= 6]
+        return list(range(max(int(first), 1), min(int(last), 6) + 1))
     except ValueError:
         raise ReadError(f"{block.where}: '{', '.join(fields)}' is no support: node or set, first, last dof") from None
 
@@ -123,7 +124,9 @@ def rotation_nodes(deck: Sequence[Block], sets: DeckSets, last: int) -> dict[int
     """
     found: dict[int, int] = {}
     for block, reference, members in _rigid(deck, sets):
-        turn = int(block.option("ROT NODE") or 0)
+        turn = whole_number(block.option("ROT NODE") or "0")
+        if turn is None:
+            raise ReadError(f"{block.where}: ROT NODE is '{block.option('ROT NODE')[:40]}', which is no node")
         if not turn:
             last += 1
             turn = last

@@ -10,9 +10,12 @@ from pathlib import Path
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_text
 
-__all__ = ["Block", "DeckSets", "blocks", "deck_sets", "element_nodes", "longest_start", "preload_step"]
+__all__ = ["Block", "DeckSets", "blocks", "deck_sets", "element_nodes", "longest_start", "preload_step", "whole_number"]
 
-_NUMBER = re.compile(r"[+-]?\d+")
+# Python refuses to convert thousands of digits.
+_NUMBER = re.compile(r"[+-]?0*\d{1,15}")
+# Ids of one line of a set: a damaged number would fill the memory.
+_LONGEST_RANGE = 10**7
 
 
 @dataclass
@@ -60,7 +63,13 @@ class DeckSets:
             return tuple(
                 dict.fromkeys(node for element in self.elements[name] for node in self.topology.get(element, ()))
             )
-        return (int(name),) if _NUMBER.fullmatch(name) else ()
+        number = whole_number(name)
+        return () if number is None else (number,)
+
+
+def whole_number(text: str) -> int | None:
+    """Whole number of a field; None for other text, and for more digits than an id has."""
+    return int(text) if _NUMBER.fullmatch(text) else None
 
 
 def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
@@ -116,7 +125,8 @@ def preload_step(path: Path) -> str:
 
 def element_nodes(block: Block, count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
     """Id and nodes of each element of an *ELEMENT block, whose data lines continue as the nodes ask for."""
-    numbers = [int(text) for fields in block.rows for text in fields if text.isdigit()]
+    found = (whole_number(text) for fields in block.rows for text in fields)
+    numbers = [number for number in found if number is not None]
     for at in range(0, len(numbers) - count, count + 1):
         yield numbers[at], tuple(numbers[at + 1 : at + 1 + count])
 
@@ -136,8 +146,8 @@ def deck_sets(deck: Sequence[Block], nodes_of_type: Mapping[str, int]) -> DeckSe
     topology: dict[int, tuple[int, ...]] = {}
     for block in deck:
         if block.keyword == "NODE" and (name := block.option("NSET")):
-            ids = (int(fields[0]) for fields in block.rows if fields[0].isdigit())
-            nodes.setdefault(name, {}).update(dict.fromkeys(ids))
+            ids = (whole_number(fields[0]) for fields in block.rows)
+            nodes.setdefault(name, {}).update(dict.fromkeys(id for id in ids if id is not None))
         elif block.keyword == "ELEMENT":
             known = longest_start(block.option("TYPE"), nodes_of_type)
             found = dict(element_nodes(block, nodes_of_type[known])) if known else {}
@@ -170,10 +180,14 @@ def _members(block: Block, known: Mapping[str, dict[int, None]]) -> Iterator[int
                 raise ReadError(f"{block.where}: '{','.join(fields)}' is no range: first, last, step") from None
             if step < 1:
                 raise ReadError(f"{block.where}: the step of a range is {step}; it is 1 or more")
-            yield from range(first, (first if len(items) < 2 else last) + 1, step)
+            ids = range(first, (first if len(items) < 2 else last) + 1, step)
+            if ids[:_LONGEST_RANGE] != ids:
+                raise ReadError(f"{block.where}: '{','.join(fields)}' is a range of more than {_LONGEST_RANGE} ids")
+            yield from ids
             continue
         for text in items:
-            yield from (int(text),) if _NUMBER.fullmatch(text) else tuple(known.get(text, ()))
+            number = whole_number(text)
+            yield from known.get(text, ()) if number is None else (number,)
 
 
 def longest_start(code: str, names: Mapping[str, object]) -> str:

@@ -12,7 +12,14 @@ import numpy as np
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.calculix_abaqus.constraints import nodes_with_own_rows, rotation_nodes, supports
-from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, element_nodes, longest_start
+from cmsreduce.read.calculix_abaqus.decks import (
+    Block,
+    blocks,
+    deck_sets,
+    element_nodes,
+    longest_start,
+    whole_number,
+)
 from cmsreduce.read.calculix_abaqus.expansion import PLANE, expansion_beside
 from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
 from cmsreduce.read.calculix_abaqus.sections import expanded_places
@@ -92,8 +99,8 @@ def _read_frd(path: Path) -> Geometry:
         header = next((line for _, line in numbered if line.startswith("    2C")), None)
         if header is None:
             raise ReadError(f"{path}: no node block (record 2C) in this .frd file; write it with *NODE FILE")
-        code = int(header.split()[-1]) if header.split()[-1].isdigit() else -1
-        if code not in _FRD_ID_WIDTH:
+        code = whole_number(header.split()[-1])
+        if code is None or code not in _FRD_ID_WIDTH:
             raise ReadError(f"{path}: the node block is binary (format {code}); write an ascii .frd file")
         start = _FRD_KEY + _FRD_ID_WIDTH[code]
         for number, line in numbered:
@@ -108,7 +115,7 @@ def _read_frd(path: Path) -> Geometry:
                     f"{path}, line {number}: '{line.rstrip()[:60]}' is no node; the file is damaged"
                 ) from None
     announced = header.split()[1]
-    if announced.isdigit() and int(announced) != len(ids):
+    if whole_number(announced) not in (None, len(ids)):
         raise ReadError(f"{path}: {announced} nodes are announced and {len(ids)} are there; the file is truncated")
     points = np.array(xyz).reshape(-1, 3)
     rounding = coordinate_rounding(texts)

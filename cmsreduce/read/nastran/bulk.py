@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, DofTable, Nodes
 from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, rows_of_nodes
-from cmsreduce.read.nastran.cards import Card, CardFile, Cards, CardTable, read_cards
+from cmsreduce.read.nastran.cards import INTEGER, Card, CardFile, Cards, CardTable, read_cards
 from cmsreduce.read.nastran.dof_sets import (
     SET_CARDS,
     Points,
@@ -64,7 +64,7 @@ def _averaged(card: Card) -> list[int]:
     found, at = [card.integer(2)], 4
     while at < len(card.fields) and card.text(at) not in ("UM", "ALPHA"):
         text = card.text(at)
-        if text and not text.isdigit():
+        if text and not INTEGER.match(text):
             at += 1  # components follow a weight
         elif text:
             found.append(int(text))
@@ -74,7 +74,7 @@ def _averaged(card: Card) -> list[int]:
 
 # Grids of rigid elements.
 _RIGID: dict[str, Callable[[Card], list[int]]] = {
-    "RBE2": lambda card: [card.integer(1), *(int(text) for text in card.fields[3:] if text.isdigit())],
+    "RBE2": lambda card: [card.integer(1), *card.whole_numbers(3)],
     "RBE3": _averaged,
     **dict.fromkeys(("RBAR", "RJOINT", "RROD"), lambda card: [card.integer(1), card.integer(2)]),
 }
@@ -285,7 +285,7 @@ def _deck_cells(path: Path) -> Cells:
     for part in read_cards(path, {*_CELLS, *_SPRINGS, "RBE2"}).sections.values():
         for name, cards in part.items():
             if name == "RBE2":
-                lines = [(card.integer(1), int(node)) for card in cards for node in card.fields[3:] if node.isdigit()]
+                lines = [(card.integer(1), node) for card in cards for node in card.whole_numbers(3)]
                 kind, corners = "line", np.array(lines, dtype=np.int64).reshape(-1, 2)
             else:
                 kind, numbered = _numbered(name, cards)

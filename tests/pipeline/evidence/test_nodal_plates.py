@@ -197,6 +197,17 @@ def test_elements_that_fail_the_patch_test_in_uneven_shapes_are_not_compared(tmp
     assert proof.label == ("stiffness (stretch alone)" if uneven else "stiffness")
 
 
+def test_plates_without_area_add_nothing(tmp_path: Path) -> None:
+    made = plane()
+    extra = ["CQUAD4,900,1,1,2,2,1", "CQUAD4,901,1,5,5,5,5", "CTRIA3,902,1,3,4,4"]
+    for shear in ("1", ""):
+        folder = tmp_path / f"shear{shear}"
+        folder.mkdir()
+        given = [card.removesuffix(",1") + f",{shear}" if card.startswith("PSHELL") else card for card in cards(made)]
+        proof, _ = stiffness(folder, body(made, "kirchhoff"), [*given, *extra])
+        assert proof.state == "proven", proof
+
+
 def test_bending_of_curved_panels_is_not_compared(tmp_path: Path) -> None:
     made = dome()
     proof, failed = stiffness(tmp_path, body(made, "kirchhoff"), cards(made))

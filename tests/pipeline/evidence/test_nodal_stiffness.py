@@ -94,6 +94,12 @@ def test_springs_of_the_deck(tmp_path: Path) -> None:
         assert compared in proof.remark and ("not compared" in proof.remark) == (name == "led")
 
 
+@pytest.mark.parametrize("component", [7, 4294967300])
+def test_a_spring_at_no_component_leaves_the_nodes_uncompared(tmp_path: Path, component: int) -> None:
+    proof, _ = stiffness(tmp_path, SOUND, [*CARDS, f"CELAS2,91,4000.,2,{component},6,4"])
+    assert proof.state == "proven" and "at 7 of 7 nodes" not in proof.remark
+
+
 def test_bars_beside_their_grids(tmp_path: Path) -> None:
     """The bar 7 from node 3 to node 7 has ends beside both, with offsets along the basic axes of the grids."""
     offsets = np.array([[0.02, -0.03, 0.05], [-0.01, 0.04, 0.02]])

@@ -58,6 +58,11 @@ def test_one_grid_in_every_format(tmp_path: Path, text: str) -> None:
         ("nan", None),
         ("1_0", None),
         ("-", None),
+        ("1.5e", None),
+        ("15-3", 0.015),
+        # As long as one would try for hours to divide it.
+        ("9" * 50_000 + "X", None),
+        ("1." + "9" * 50_000 + "E+", None),
     ],
 )
 def test_real_numbers(text: str, value: float | None) -> None:
@@ -138,6 +143,13 @@ def test_what_cannot_be_read_is_refused_with_its_line(tmp_path: Path, text: str,
 def test_cards_not_asked_for_cannot_stop_the_reader(tmp_path: Path) -> None:
     text = f"CQUAD4,1,2,3,4,5,6,7,8,9,10\n{'PLOAD   1':72}+A1\n+B2\nGRID,1"
     assert cards_of(tmp_path, text, {"GRID"}) == [("1",)]
+
+
+def test_whole_numbers_of_a_card(tmp_path: Path) -> None:
+    path = tmp_path / "deck.bdf"
+    path.write_text(f"$\nGRID,1,x,1.0,7,{'7' * 5000},\u00b2,0008\n")
+    (card,) = read_cards(path, {"GRID"}).sections[0]["GRID"]
+    assert (card.whole_numbers(), card.whole_numbers(4)) == ([1, 7, 8], [8])
 
 
 def test_field_errors_name_file_line_and_field(tmp_path: Path) -> None:

@@ -72,6 +72,10 @@ class Card:
             raise ReadError(f"{self.where}: {_field(index)} should be an integer, it is '{text[:_SHOWN]}'")
         return int(text)
 
+    def whole_numbers(self, start: int = 0) -> list[int]:
+        """Whole numbers among the fields from one on; other text is passed over."""
+        return [int(text) for text in self.fields[start:] if INTEGER.match(text)]
+
     def real(self, index: int, default: float = 0.0) -> float:
         """Field as a real number.
 

@@ -152,7 +152,9 @@ def _plates(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyP
         area = np.linalg.norm(across, axis=1) / 2
         n = across / np.maximum(np.linalg.norm(across, axis=1), np.finfo(float).tiny)[:, None]
         x = corners[:, 1] - corners[:, 0]
-        shortest = np.min([np.linalg.norm(corners[:, k] - corners[:, k - 1], axis=1) for k in range(faces.corners)], 0)
+        edges = np.array([np.linalg.norm(corners[:, k] - corners[:, k - 1], axis=1) for k in range(faces.corners)])
+        # A quadrilateral with one node twice is a triangle.
+        shortest = np.where(edges > 0, edges, np.inf).min(axis=0)
         x = x - n * np.einsum("ei,ei->e", x, n)[:, None]
         x = x / np.maximum(np.linalg.norm(x, axis=1), np.finfo(float).tiny)[:, None]
         y = np.cross(n, x)

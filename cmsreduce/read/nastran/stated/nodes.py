@@ -108,8 +108,7 @@ def _named(elements: Elements, tables: Sequence[CardTable]) -> list[Indices]:
     found = []
     for cards in tables:
         for card in cards:
-            numbers = {int(text) for text in card.fields if text.isdigit()}
-            at = elements.nodes.index(sorted(numbers))
+            at = elements.nodes.index(sorted(set(card.whole_numbers())))
             found.append(np.asarray(at[at >= 0]))
     return [each for each in found if each.size]
 
@@ -122,9 +121,8 @@ def _rigidly_led(elements: Elements, moving: NDArray[np.bool_], constraints: lis
     lead = np.full(len(moving), -1)
     named = np.bincount(_joined(constraints), minlength=len(moving))
     for card in elements.cards.get("RBE2", ()):
-        # Behind the node that leads stand its components.
-        numbers = [int(text) for k, text in enumerate(card.fields[1:]) if k != 1 and text.isdigit()]
-        at = elements.nodes.index(numbers)
+        # The node that leads, its components, and the nodes that follow.
+        at = elements.nodes.index([*card.with_fields(card.fields[1:2]).whole_numbers(), *card.whole_numbers(3)])
         if at.size and (at >= 0).all() and moving[at[0]] and set("123456") <= set(card.text(2)):
             lead[at[1:][~moving[at[1:]] & (named[at[1:]] == 1)]] = at[0]
     return lead
@@ -236,9 +234,17 @@ def _springs(elements: Elements) -> tuple[list[tuple[Array, Indices]], list[Indi
 
 
 def _end(node: int, component: int, nodes: Nodes) -> tuple[Array, Indices] | None:
-    """Direction of one end of a spring and its dofs: none for the ground; None for a scalar point."""
+    """Direction of one end of a spring and its dofs: none for the ground; None for a scalar point.
+
+    Raises
+    ------
+    NotCountedError
+        If there is no such component.
+    """
     if not node:
         return np.zeros(0), np.zeros(0, dtype=np.int64)
+    if component not in range(7):
+        raise NotCountedError
     at = int(nodes.index(node)[0])
     if at < 0 or not component:
         return None

@@ -98,16 +98,17 @@ def _turned(angle: float) -> Array:
 def _skew(x: Array) -> NDArray[np.bool_]:
     """True for quadrilaterals (e, 4, 3) in which programs measure the angle of a material from different axes.
 
-    They are the first edge, and the line that halves the angle of the diagonals; in a rectangle they are one.
+    They are the first edge, and the line that halves the angle of the diagonals; in a rectangle they are one. Also true
+    where one of these has no length.
     """
     if x.shape[1] == 3:
         return np.zeros(len(x), dtype=bool)
-    edge, *diagonals = (
-        v / np.linalg.norm(v, axis=1, keepdims=True) for v in (x[:, 1] - x[:, 0], x[:, 2] - x[:, 0], x[:, 1] - x[:, 3])
-    )
+    lines = np.stack([x[:, 1] - x[:, 0], x[:, 2] - x[:, 0], x[:, 1] - x[:, 3]])
+    lengths = np.linalg.norm(lines, axis=2, keepdims=True)
+    edge, *diagonals = lines / np.where(lengths > 0, lengths, 1.0)
     middle = diagonals[0] + diagonals[1]
     off = np.linalg.norm(np.cross(edge, middle), axis=1)
-    return np.asarray(off > _TURN * np.linalg.norm(middle, axis=1))
+    return np.asarray((off > _TURN * np.linalg.norm(middle, axis=1)) | ~lengths.all(axis=(0, 2)))
 
 
 def _alike(laminates: Array) -> NDArray[np.bool_]:
