@@ -1,5 +1,6 @@
 """All exceptions of the package, and words for unknown names. A message gives fault, place, size and remedy."""
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from importlib import import_module
@@ -31,10 +32,16 @@ __all__ = [
 _SIMILARITY = 0.6
 # A word of at least this many letters may be the beginning of a known word.
 _STEM = 3
+# Longer than the path of any file that is likely, and how much of such a word is shown.
+_LONG, _SHOWN = re.compile(r"\S{1025,}"), 40
 
 
 class CmsReduceError(Exception):
     """Base of every error that the user can correct; the command line prints it and exits with 2."""
+
+    def __str__(self) -> str:
+        """The message; of a word of a damaged file that would hide all others, the beginning alone."""
+        return _LONG.sub(lambda word: f"{word[0][:_SHOWN]}...", super().__str__())
 
 
 class ConfigError(CmsReduceError):

@@ -224,3 +224,11 @@ def test_sets_that_no_card_names_are_refused_with_those_there_are(tmp_path: Path
 )
 def test_sets_of_real_decks(shared_data: Path, file: str, sizes: dict[str, int]) -> None:
     assert read_bulk(shared_data / file).sizes() == sizes
+
+
+def test_a_field_of_thousands_of_digits_hides_no_message(tmp_path: Path) -> None:
+    path = tmp_path / "deck.bdf"
+    path.write_text(f"BEGIN BULK\nGRID,1,,0.,0.,0.\nASET1,{'9' * 5000},1\nENDDATA\n")
+    with pytest.raises(ReadError, match=r"line 3: ASET1: '9{39}\.\.\. names no components of grid 1; use") as caught:
+        read_bulk(path)
+    assert len(str(caught.value)) < 200 + len(str(path))
