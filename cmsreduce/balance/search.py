@@ -43,7 +43,7 @@ _GAIN, _EXCHANGES, _STARTS = 1e-3, 24, 2
 _WIDTH, _TOGETHER = 12, 2
 # Sets of fewer modes than the one found, up to which all are tried: those of ten modes.
 _ALL = 2**10
-# Otherwise: groups put in for one more that is left out, exchanges that are predicted, and the best that are tried.
+# Where these are more: groups put in while one more is left out, exchanges predicted at most, and the best ones tried.
 _PUT_IN, _LISTED, _NEAR = (1, 2), 2**12, 96
 # In the samples exchanges leave out 4 % of a pruned set at most.
 _HOPELESS = 2

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.read.labelled_matrix import DOUBLE
 
 __all__ = [
+    "INTEGER",
     "coordinate_rounding",
     "decimals",
     "digits_of",
@@ -21,7 +22,11 @@ __all__ = [
     "rounding_of_digits",
     "rounding_of_printed",
     "stops_in_a_number",
+    "whole_number",
 ]
+
+INTEGER = re.compile(r"[+-]?0*\d{1,15}\Z")
+"""A whole number with no more digits than an id has: ids become keys of dofs in 64-bit integers."""
 
 # A digit belongs to one part only: else thousands of digits would be divided in every way.
 _NASTRAN_REAL = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:(?:[ED]|(?=[+-]))([+-]?\d+))?\Z")
@@ -53,6 +58,17 @@ def real_number(text: str) -> float | None:
     """
     found = _NASTRAN_REAL.match(text.strip().upper())
     return None if found is None else float(f"{found[1]}E{found[2] or 0}")
+
+
+def whole_number(text: str) -> int | None:
+    """Whole number of a field; None for other text.
+
+    Examples
+    --------
+    >>> whole_number("0012"), whole_number("1.0"), whole_number("9" * 5000)
+    (12, None, None)
+    """
+    return int(text) if INTEGER.match(text) else None
 
 
 def number_of(text: str) -> float:

@@ -60,7 +60,7 @@ def _openmp() -> ctypes.CDLL | None:
 
 
 def end_openmp() -> None:
-    """Let Intel's OpenMP remove its entry in shared memory, where a process ends without its libraries' own end."""
+    """Let Intel's OpenMP remove its entry in shared memory: before the end of a process whose libraries have none."""
     openmp = _openmp() if mkl_library.cache_info().currsize else None
     if openmp is not None and hasattr(openmp, "omp_pause_resource_all"):
         openmp.omp_pause_resource_all(_HARD)

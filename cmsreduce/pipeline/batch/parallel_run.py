@@ -231,8 +231,8 @@ def _finish_body(opening: _Opening, first: str, names: Sequence[str], taken: Pat
         for each in opened.at_hand(names):
             opened.flexible(each)
         _ = opened.bodies
-        # A factor of the proof serves the reduction: the body proven last comes first, and after the own ones the one
-        # that is the longest in the memory of another process.
+        # The factor of a proof serves the reduction. Of the bodies proven here the last one comes first; of the others
+        # the first one, whose factor another process is the likeliest to have dropped.
         own = [name for name in names[::-1] if opened.has_proven(name)]
         name = next(name for name in [*own, *names] if _take(taken / name))
         # The results of the body are on disk: the process holds the bodies as read alone.

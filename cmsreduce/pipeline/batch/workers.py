@@ -107,7 +107,7 @@ def _begin_process() -> None:
     if hasattr(signal, "pthread_sigmask"):
         # The command line starts processes with the signal blocked, so that none is interrupted before this.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    # Such a process ends without the end of its libraries.
+    # Processes of a pool end without the steps that libraries take at the end of a program.
     Finalize(None, end_openmp, exitpriority=0)
     Thread(target=_end_with_parent, daemon=True).start()
 

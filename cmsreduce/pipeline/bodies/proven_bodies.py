@@ -34,7 +34,7 @@ THOROUGH = 3000
 
 # Below this number of dofs a search for mechanisms costs less than the proof that there are none.
 _LARGE = 2000
-# A translation that K leaves free, in the mass norm, where its displacement is one.
+# Share of a unit translation outside the motions that K leaves free, up to which K leaves it free, too.
 _AT_REST = 1e-6
 _FREE = 6
 # Fields of a body that its own constructor fills.
@@ -256,7 +256,8 @@ def _held_turning(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
         return []
     return [
         f"{body.name}: its stiffness resists rotation of the whole body and no translation, as no support does: a "
-        "spring or a constraint (MPC, *EQUATION) joins points that do not coincide. The body cannot turn in your scene"
+        "spring or a constraint (MPC, *EQUATION) joins points that do not coincide, and keeps the body from "
+        "turning. Join points at one place, or by a rigid element, and write the matrices again"
     ]
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble import Change, ModalReceptance
 from cmsreduce.balance import ChangedResponse, Selection
 from cmsreduce.pipeline.system.reference_model import Target
+from cmsreduce.project import trapezoidal
 from cmsreduce.verify import PERCENTILE, channel_errors, db_errors, loud_channels
 
 __all__ = ["Trial"]
@@ -60,10 +61,10 @@ class Trial:
         self.points = np.arange(target.omega.size)
         self.points_db = target.omega.size + np.arange(self.full_db.shape[0])
         self.channel = target.row[:, None] * target.column[None, :]
-        power = _trapezoid(target.omega) * np.sum(abs(target.elastic * self.channel) ** 2, axis=(1, 2))
+        power = trapezoidal(target.omega) * np.sum(abs(target.elastic * self.channel) ** 2, axis=(1, 2))
         # Without any response in the reference model, all scales and all errors are zero.
         self.size = 1 / power.sum() if power.any() else 0.0
-        self.weight = _trapezoid(target.omega) * self.size
+        self.weight = trapezoidal(target.omega) * self.size
         self.total = target.elastic + target.rigid
         self.loud = self.loud_db = target.loud
         if self.points_db.size:
@@ -196,9 +197,3 @@ class Trial:
 def _decibels(H: Complex, reference: Complex) -> Array:
     tiny = np.finfo(float).tiny
     return np.asarray(abs(20 * np.log10(np.maximum(abs(H), tiny) / np.maximum(abs(reference), tiny))))
-
-
-def _trapezoid(omega: Array) -> Array:
-    """Weights of the trapezoidal rule."""
-    step = np.diff(omega)
-    return np.asarray((np.concatenate([[0.0], step]) + np.concatenate([step, [0.0]])) / 2)

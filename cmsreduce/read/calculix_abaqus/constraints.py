@@ -8,7 +8,8 @@ import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
-from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets, whole_number
+from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets
+from cmsreduce.read.printed_numbers import whole_number
 
 __all__ = ["nodes_with_own_rows", "rotation_nodes", "supports"]
 

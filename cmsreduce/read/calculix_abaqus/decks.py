@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_text
+from cmsreduce.read.printed_numbers import whole_number
 
-__all__ = ["Block", "DeckSets", "blocks", "deck_sets", "element_nodes", "longest_start", "preload_step", "whole_number"]
+__all__ = ["Block", "DeckSets", "blocks", "deck_sets", "element_nodes", "longest_start", "preload_step"]
 
-# Python refuses to convert thousands of digits.
-_NUMBER = re.compile(r"[+-]?0*\d{1,15}")
 # Ids of one line of a set: a damaged number would fill the memory.
 _LONGEST_RANGE = 10**7
 
@@ -65,11 +63,6 @@ class DeckSets:
             )
         number = whole_number(name)
         return () if number is None else (number,)
-
-
-def whole_number(text: str) -> int | None:
-    """Whole number of a field; None for other text, and for more digits than an id has."""
-    return int(text) if _NUMBER.fullmatch(text) else None
 
 
 def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:

@@ -12,21 +12,14 @@ import numpy as np
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.calculix_abaqus.constraints import nodes_with_own_rows, rotation_nodes, supports
-from cmsreduce.read.calculix_abaqus.decks import (
-    Block,
-    blocks,
-    deck_sets,
-    element_nodes,
-    longest_start,
-    whole_number,
-)
+from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, element_nodes, longest_start
 from cmsreduce.read.calculix_abaqus.expansion import PLANE, expansion_beside
 from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
 from cmsreduce.read.calculix_abaqus.sections import expanded_places
 from cmsreduce.read.calculix_abaqus.statement import input_file_statement
 from cmsreduce.read.files import read_text
 from cmsreduce.read.formats import CELL_CORNERS, Geometry, GeometryFormat, cells_by_kind
-from cmsreduce.read.printed_numbers import coordinate_rounding
+from cmsreduce.read.printed_numbers import coordinate_rounding, whole_number
 
 __all__ = ["FRD", "INPUT_FILE"]
 

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.nastran.cards.open_card import FIELDS_PER_LINE
-from cmsreduce.read.printed_numbers import real_number
+from cmsreduce.read.printed_numbers import INTEGER, real_number, whole_number
 
 __all__ = ["INTEGER", "LARGEST", "Card"]
-
-INTEGER = re.compile(r"[+-]?0*\d{1,15}\Z")
-"""An integer of a card; node ids become keys of dofs in 64-bit integers."""
 
 LARGEST = 1e60
 """Products of a few numbers below it stay finite; NASTRAN itself ends at 1e38 or 1e308."""
@@ -74,7 +70,8 @@ class Card:
 
     def whole_numbers(self, start: int = 0) -> list[int]:
         """Whole numbers among the fields from one on; other text is passed over."""
-        return [int(text) for text in self.fields[start:] if INTEGER.match(text)]
+        numbers = (whole_number(text) for text in self.fields[start:])
+        return [number for number in numbers if number is not None]
 
     def real(self, index: int, default: float = 0.0) -> float:
         """Field as a real number.

@@ -122,7 +122,7 @@ def _rigidly_led(elements: Elements, moving: NDArray[np.bool_], constraints: lis
     named = np.bincount(_joined(constraints), minlength=len(moving))
     for card in elements.cards.get("RBE2", ()):
         # The node that leads, its components, and the nodes that follow.
-        at = elements.nodes.index([*card.with_fields(card.fields[1:2]).whole_numbers(), *card.whole_numbers(3)])
+        at = elements.nodes.index(card.with_fields([*card.fields[1:2], *card.fields[3:]]).whole_numbers())
         if at.size and (at >= 0).all() and moving[at[0]] and set("123456") <= set(card.text(2)):
             lead[at[1:][~moving[at[1:]] & (named[at[1:]] == 1)]] = at[0]
     return lead
