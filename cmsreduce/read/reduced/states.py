@@ -31,8 +31,9 @@ _PROVEN = 1e-6
 _NONE, _TOGETHER = 1e-11, 1e-9
 # Relative to the inverse mass of the ports: less of it in a mode is round-off of eigenvectors.
 _UNSEEN = 1e-12
-# Imaginary part of an eigenvalue, relative to the largest: less is round-off of a double one.
-_STILL = 1e-9
+# Imaginary part of an eigenvalue, relative to the largest: less is round-off of a double one with a single eigenvector,
+# such as of a rigid motion and its rate, which the root of round-off splits.
+_STILL = 1e-7
 # Of modal matrices made with eigenvectors of states.
 _DIGITS = 1e-10
 _HELP = (
@@ -246,7 +247,13 @@ def _of_companion(prove: _Proof, A: Array, B: Array, C: Array) -> _Modes:
         prove(float(abs(lam.imag).max(initial=0.0) / top) if top else 0.0, "squares of its frequencies are complex")
         order = np.argsort(lam.real)
         lam, V = lam.real[order], V.real[:, order]
-        # Rigid motions of a body have as many eigenvectors as there are.
+        # Rigid motions of a body have as many eigenvectors as there are. Round-off gives a repeated eigenvalue a complex
+        # pair, whose real parts are one vector.
+        for part in _clusters(lam, _TOGETHER * top):
+            if (several := part.stop - part.start) > 1:
+                V[:, part] = la.svd(K - lam[part].mean() * np.eye(h))[2][-several:].T
+        if (left := float(abs(K @ V - V * lam).max(initial=0.0))) > _TOGETHER * top:
+            prove.refuse(f"an eigenvalue lacks eigenvectors (forces of {left / top:.2g} are left)")
         prove(float(np.finfo(float).eps * np.linalg.cond(V)), "its modes are dependent")
         back = np.linalg.inv(V)
     _check_stable(prove, lam)
