@@ -53,6 +53,9 @@ def test_a_second_run_computes_nothing_and_finds_the_same(opened: Callable[..., 
     again = opened()
     result = execute(again, study, report=False)
     assert done(again) == []
+    # The reference model, which is not stored, is for what is not verified yet.
+    made = [[entry for entry in run.stages.progress.done if entry.startswith("reference")] for run in (first, again)]
+    assert made[0] and not made[1]
     assert {*MODAL, *LAST} <= set(again.stages.progress.reused_)
     assert summary(study) == found
     assert result is not None
