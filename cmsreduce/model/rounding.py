@@ -91,11 +91,19 @@ def rounding_of_values(values: Array) -> float:
     >>> rounding_of_values(np.array([12.0, 6.0, 4.0, 3.5e7])) == DOUBLE
     True
     """
-    values = values[np.isfinite(values) & (values != 0)]
-    sample = np.unique(abs(values[:: max(1, values.size // _SAMPLE)]))
+    # Of a matrix that stores few zeros a part shows enough: to look through all of it takes as long as to read it.
+    sample = _entries(values[:: max(1, values.size // _SAMPLE)])
+    if 2 * sample.size < _SAMPLE:
+        values = _entries(values)
+        sample = values[:: max(1, values.size // _SAMPLE)]
+    sample = np.unique(abs(sample))
     if sample.size < _FEWEST_VALUES:
         return DOUBLE
     return SINGLE if _are_single(sample, values) else _decimal_rounding(sample)
+
+
+def _entries(values: Array) -> Array:
+    return values[np.isfinite(values) & (values != 0)]
 
 
 def _are_single(sample: Array, values: Array) -> bool:
