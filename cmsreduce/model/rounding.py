@@ -103,7 +103,7 @@ def rounding_of_values(values: Array) -> float:
 
 
 def _entries(values: Array) -> Array:
-    return values[np.isfinite(values) & (values != 0)]
+    return np.asarray(values[np.isfinite(values) & (values != 0)])
 
 
 def _are_single(sample: Array, values: Array) -> bool:

@@ -247,8 +247,8 @@ def _of_companion(prove: _Proof, A: Array, B: Array, C: Array) -> _Modes:
         prove(float(abs(lam.imag).max(initial=0.0) / top) if top else 0.0, "squares of its frequencies are complex")
         order = np.argsort(lam.real)
         lam, V = lam.real[order], V.real[:, order]
-        # Rigid motions of a body have as many eigenvectors as there are. Round-off gives a repeated eigenvalue a complex
-        # pair, whose real parts are one vector.
+        # Rigid motions of a body have as many eigenvectors as there are. Round-off gives a repeated eigenvalue a
+        # complex pair, whose real parts are one vector.
         for part in _clusters(lam, _TOGETHER * top):
             if (several := part.stop - part.start) > 1:
                 V[:, part] = la.svd(K - lam[part].mean() * np.eye(h))[2][-several:].T
