@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -13,7 +15,9 @@ from cmsreduce.linalg.eigen import (
     ComplexModes,
     DampedPencil,
     UndeterminedError,
+    certified_modes,
     complex_modes,
+    count_below,
     elastic_pairs,
     modes_below,
 )
@@ -24,6 +28,9 @@ __all__ = ["check_closed_loop", "closed_loop_modes", "damped_modes", "system_mod
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+# Larger dense systems have their modes to a frequency searched, if these are at most this share: to solve for all of
+# them takes five times as long at 1000 coordinates, and grows with the cube of their number.
+_SEARCHED, _SHARE = 600, 0.25
 # The state matrix has (2 N)^2 entries, and all of its eigenvalues are computed.
 _LARGEST = 1500
 # A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: as a double root of
@@ -60,11 +67,25 @@ def system_modes(system: System, omega: float) -> tuple[Real, Real]:
     try:
         if sp.issparse(system.K):
             return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid, rounding=system.rounding)
+        if system.N > _SEARCHED and (found := _few(system, omega)) is not None:
+            return found
         lam, X = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
     except UndeterminedError as error:
         raise undetermined(system, error) from None
     keep = lam <= omega**2
     return np.sqrt(lam[keep]), X[:, keep]
+
+
+def _few(system: System, omega: float) -> tuple[Real, Real] | None:
+    """Modes of a dense system below a frequency, searched; None if they are not few, or the search does not end."""
+    K, M = sp.csc_array(system.K), sp.csc_array(system.M)
+    # The dense solver names the motion that has neither mass nor stiffness.
+    with suppress(MatrixError):
+        count = count_below(K, M, omega, system.rigid.shape[1]) if np.isfinite(omega) else None
+        if count is not None and count <= _SHARE * system.N:
+            found = certified_modes(K, M, omega, rigid=system.rigid, count=count, rounding=system.rounding)
+            return found.omega, found.Phi
+    return None
 
 
 def undetermined(system: System, error: UndeterminedError) -> UndeterminedError:

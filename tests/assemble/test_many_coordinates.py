@@ -1,0 +1,47 @@
+"""Modes of a system of many dense coordinates: searched up to a frequency, as closed forms give them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from cmsreduce.assemble import system_modes
+from cmsreduce.assemble.modes import _SEARCHED
+from cmsreduce.errors import MatrixError
+from cmsreduce.model import Configuration, System
+
+LINKS = 310
+
+
+def two_chains(massless: bool = False) -> System:
+    """Two free chains of unit masses and springs that know nothing of each other, in coordinates of both."""
+    K = 2 * np.eye(LINKS) - np.eye(LINKS, k=1) - np.eye(LINKS, k=-1)
+    K[[0, -1], [0, -1]] = 1.0
+    K, M = la.block_diag(K, K), np.eye(2 * LINKS)
+    rigid = np.kron(np.eye(2), np.full((LINKS, 1), LINKS**-0.5))
+    if massless:
+        K, M, rigid = la.block_diag(K, [[0.0]]), la.block_diag(M, [[0.0]]), np.vstack([rigid, np.zeros((1, 2))])
+    turn = la.block_diag(np.array([[3, 4], [-4, 3]]) / 5, np.eye(K.shape[0] - 2))
+    K, M, rigid = turn @ K @ turn.T, turn @ M @ turn.T, turn @ rigid
+    n, none = K.shape[0], np.empty((K.shape[0], 0))
+    return System(
+        Configuration("as built"), np.eye(n), M, K, None, None, none, none.T, none.T, rigid, {"chains": n}, (), ()
+    )  # fmt: skip
+
+
+def test_repeated_modes_below_a_frequency():
+    system, count = two_chains(), 40
+    assert system.N > _SEARCHED
+    expected = np.repeat(2 * np.sin(np.arange(1, count + 1) * np.pi / 2 / LINKS), 2)
+    # The second of the last pair is not left out by round-off.
+    w, Phi = system_modes(system, float(expected[-1]))
+    np.testing.assert_allclose(w, expected, rtol=1e-9)
+    gram = Phi.T @ system.M @ Phi
+    np.testing.assert_allclose(gram, np.eye(2 * count), rtol=0, atol=1e-10)
+    assert abs(Phi.T @ system.M @ system.rigid).max() < 1e-10
+
+
+def test_a_motion_without_mass_and_stiffness_is_refused_by_name():
+    with pytest.raises(MatrixError, match="a motion, above all of body 'chains', has neither mass nor stiffness"):
+        system_modes(two_chains(massless=True), 0.2)
