@@ -142,6 +142,15 @@ def test_per_component_keys_are_laid_over_the_stage(galileo):
     assert pipeline.keep_of("rotor").rule == "frf_error"
 
 
+@pytest.mark.parametrize("key", ["balance.keep.frf_error", "balance.keep.bound", "project.frf_error"])
+def test_errors_to_meet_are_written_as_limits_are(galileo, key):
+    per_cent = load_pipeline(galileo, [f"{key.rpartition('.')[0]}={{{key.rpartition('.')[2]}: 2 %}}"])
+    found = per_cent.balance.keep if key.startswith("balance") else per_cent.project
+    assert getattr(found, key.rpartition(".")[2]) == 0.02
+    with pytest.raises(ConfigError, match="2 %"):
+        load_pipeline(galileo, [f"{key.rpartition('.')[0]}={{{key.rpartition('.')[2]}: 2}}"])
+
+
 def test_a_stage_that_is_absent_is_not_run(tmp_path):
     (tmp_path / "p.yaml").write_text("name: p\ncomponents: {a: {extseout: a}}\nscene: {band: 1 kHz}\n")
     pipeline = load_pipeline(tmp_path / "p.yaml")

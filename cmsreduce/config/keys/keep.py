@@ -19,7 +19,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from cmsreduce.config.keys.mapping import Count, Keys, Name, Positive
+from cmsreduce.config.keys.mapping import Count, Keys, Name, Positive, RelativeError
 
 __all__ = ["STATES", "KeepKeys"]
 
@@ -125,12 +125,12 @@ class KeepKeys(Keys):
         "hankel_fraction).",
         examples=[1e-4],
     )
-    frf_error: Positive | None = Field(
+    frf_error: RelativeError | None = Field(
         default=None,
         description="The smallest model whose frf_error stays below this, at every configuration.",
         examples=[0.01],
     )
-    bound: Positive | None = Field(
+    bound: RelativeError | None = Field(
         default=None,
         description="The fewest modes of each body by itself with which its elastic response, at any frequency, is "
         "proven to err by less than this share of its largest value. The assembled system inherits no such bound.",

@@ -6,7 +6,17 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from cmsreduce.config.keys.mapping import Count, Flag, Keys, Number, OneOrMore, Plain, Positive, exactly_one
+from cmsreduce.config.keys.mapping import (
+    Count,
+    Flag,
+    Keys,
+    Number,
+    OneOrMore,
+    Plain,
+    Positive,
+    RelativeError,
+    exactly_one,
+)
 
 __all__ = ["ProjectKeys", "SystemModeKeys"]
 
@@ -97,7 +107,7 @@ class ProjectKeys(Keys):
         description="Bodies of the system: reduced by the earlier stages, or unreduced (full).",
         examples=["reduced"],
     )
-    frf_error: Positive | None = Field(
+    frf_error: RelativeError | None = Field(
         default=None,
         description="Error that auto must meet; by default that of balance.keep, of verify.limits, or 0.01.",
         examples=[0.01],
