@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.held_bodies import held_bodies
@@ -187,7 +188,8 @@ def _drag(system: System) -> Array:
         return np.zeros((0, 0))
     forces = np.asarray(system.D @ Pr)
     _, _, directions = la.svd(forces, full_matrices=False)
-    size = float(abs(dense(system.D)).max()) * abs(Pr @ directions.T).max(axis=0)
+    largest = abs(system.D.data if sp.issparse(system.D) else system.D).max(initial=0.0)
+    size = float(largest) * abs(Pr @ directions.T).max(axis=0)
     damped = directions[abs(forces @ directions.T).max(axis=0) > DAMPED_RIGID * size].T
     own = damped @ damped.T
     return np.asarray(own @ (Pr.T @ forces) @ own)

@@ -21,7 +21,7 @@ from cmsreduce.assemble import (
 )
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.response import DynamicStiffness
-from cmsreduce.model import SCALAR, Configuration, Damping, DofTable, FEModel, Placement, Point, Scene
+from cmsreduce.model import SCALAR, Configuration, Damping, DofTable, FEModel, Placement, Point, Scene, System
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 from tests.assemble.rigs import at, direct, in_joint, joint, modal, physical, rigid_body, strut, turned
@@ -135,6 +135,20 @@ def test_two_halves_are_the_whole():
         for subs, scene in ((halves, two), ({"whole": physical(whole)}, one))
     ]
     np.testing.assert_allclose(rigid[0], rigid[1], rtol=1e-9)
+
+
+def test_rigid_response_of_a_large_sparse_system_stays_sparse():
+    # A dense matrix of this size takes 80 GB.
+    n, drag = 100_000, 2.0
+    eye = sp.eye_array(n, format="csc")
+    rigid = np.zeros((n, 1))
+    rigid[0] = 1.0
+    system = System(
+        Configuration("as built"), eye, eye, eye, sp.csc_array(drag * eye), None, rigid, rigid.T, 0 * rigid.T,
+        rigid, {"body": n}, ("push",), ("motion",),
+    )  # fmt: skip
+    found = rigid_response(system, OMEGA[:2])[:, 0, 0]
+    np.testing.assert_allclose(found, 1 / (1j * OMEGA[:2] * drag - OMEGA[:2] ** 2), rtol=1e-12)
 
 
 @pytest.mark.parametrize("tilt", [1e-4, 1e-3, 0.7])
