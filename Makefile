@@ -42,8 +42,9 @@ example-spinup: $(STAMP) ## spin-up of a flexible beam, with and without geometr
 # Tests write many small files, and wait for the disk at each of them: in memory where 8 GB are free.
 TEST_FILES = $(shell [ "$$(df --output=avail /dev/shm 2>/dev/null | tail -n 1)" -gt 8000000 ] 2>/dev/null && echo /dev/shm || echo $${TMPDIR:-/tmp})
 
-test: $(STAMP) ## all tests, two at a time
-	TMPDIR=$(TEST_FILES) PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+JOBS ?= 2
+test: $(STAMP) ## all tests, two at a time; with more cores: make test JOBS=8
+	TMPDIR=$(TEST_FILES) PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
 lint: $(STAMP) ## ruff, mypy, import contract
 	$(BIN)/ruff check .
