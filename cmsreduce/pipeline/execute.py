@@ -100,9 +100,11 @@ def execute(
             _values_written(run)
         if report and last == "write":
             _begin_packing()
+        run.makes_reference = "verify" in due and run.pipeline.verify is not None and run.has_response
         run.read_bodies()
-        verifies = "verify" in due and run.pipeline.verify is not None and run.has_response
-        run.makes_reference = verifies and (only is not None or not run.is_finished)
+        if only is None and run.makes_reference and run.is_finished:
+            # It is compared already.
+            run.makes_reference = False
         # Now all files are known that decks include.
         refuse_foreign(outputs, run.files_read)
         # Orthogonalise runs reduce itself, and only where it is not finished.
