@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.run.keys import read_key
 from tests.frames import line
-from tests.pipeline.study import write_body
+from tests.pipeline.study import arm, panel, write_body
 
 STORED = ("reduce", "orthogonalise", "balance", "verify")
 TIMED = {"seconds", "peak_mib", "speed", "seal"}
@@ -97,6 +98,25 @@ def test_a_change_redoes_what_depends_on_it(
     run = opened(setting.replace("{folder}", str(study.parent)))
     execute(run, study, report=False)
     assert sorted(done(run)) == sorted(redone)
+
+
+def test_a_large_body_is_compared_with_modes_of_an_earlier_run(
+    opened: Callable[..., Run], study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A small one is made again: that takes less time than to store and read it."""
+    monkeypatch.setattr(import_module("cmsreduce.pipeline.bodies.reference"), "ALL_MODES_LIMIT", arm().n)
+    assert panel().n > arm().n
+    worst = []
+    for setting in ("verify.frf.points=300", "verify.frf.points=500"):
+        run = opened(setting)
+        result = execute(run, study, report=False)
+        assert result is not None
+        worst.append(result.worst()["frf_error"])
+    assert run.stages.progress.reused_.count("reference panel") == 1
+    assert run.stages.progress.done.count("reference arm") == 1
+    assert "reference panel" not in run.stages.progress.done
+    shutil.rmtree(study.parent / "out")
+    assert execute(opened(setting), study, report=False).worst()["frf_error"] == worst[1]
 
 
 @pytest.mark.usefixtures("run_before")

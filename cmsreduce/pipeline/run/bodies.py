@@ -269,7 +269,7 @@ class BodyStages(ReadStages):
         "reference",
         what=lambda run, name: next(n for n in run.bodies if run._reference_key(n) == run._reference_key(name)),
         key=lambda run, name: run._reference_key(name),
-        stored="in common",
+        stored=lambda run, name: run._stored_beside(name),
         common=HELD,
     )
     def _reference(self, name: str) -> Reference:
@@ -277,6 +277,12 @@ class BodyStages(ReadStages):
         cutoff_hz = self.mode_sets.cutoff_hz(name)
         wide, fits = name in self._wide, self.all_modes_fit
         return reference(flexible.body, flexible.ports, flexible.rigid, cutoff_hz, fits=fits, wide=wide)
+
+    def _stored_beside(self, name: str) -> bool:
+        """True if what a body is compared with is stored: for other processes, or a later run of a large body."""
+        flexible = self.bodies[name]
+        large = in_free_modes(flexible.body, flexible.rigid, fits=self.all_modes_fit)
+        return large or self.stages.common is not None
 
     def reference(self, name: str) -> Reference:
         """Representation of one unreduced body; copies of a body have one."""
@@ -287,7 +293,7 @@ class BodyStages(ReadStages):
         "reference",
         what=lambda run, name: f"{name}.static",
         key=lambda run, name: stage_key("verify", run.proof_key(name), read_key(run.keyed, name)),
-        stored="in common",
+        stored=lambda run, name: run._stored_beside(name),
     )
     def unit_loads(self, name: str) -> UnitLoads:
         """Unit loads at the interfaces and actuators of one unreduced body."""
