@@ -12,7 +12,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.pipeline.evidence.deck_agreement import statement_of
 from cmsreduce.read import prove_row_order, read_geometry
 from tests.golden.calculix_bodies import Deck, body, solve
-from tests.golden.test_calculix_bodies import read
+from tests.golden.test_calculix_bodies import frequencies, read
 
 pytestmark = pytest.mark.ccx
 
@@ -124,3 +124,23 @@ def test_a_result_file_without_the_nodes_of_knots_is_named(tmp_path, monkeypatch
     assert re.search(r"whole\.frd: \d+ nodes .* \(bar\.12d\), .* Give the \.inp file of this job", done.stderr)
     rows = {int(line.split(".")[0]) for line in (tmp_path / "bar.dof").read_text().split()}
     assert load_pipeline(tmp_path / "fold.yaml").components["fold"].interfaces["mount"].node in rows
+
+
+@pytest.mark.parametrize("order", [("KINEMATIC", "DISTRIBUTING"), ("DISTRIBUTING", "KINEMATIC"), ("DISTRIBUTING",)])
+@pytest.mark.parametrize("kind", ["C3D8", "C3D8I"])
+def test_the_reference_node_of_a_distributing_coupling_has_no_rotations(tmp_path, kind, order):
+    """Numbers after the last node are the rotations of kinematic couplings, and dofs inside C3D8I."""
+    deck, faces = Deck().solid(kind, (4, 2, 2), (1, 0.1, 0.15)), {0: "S6", 1: "S4"}
+    for x, coupling in enumerate(order):
+        end = set(deck.at(x, layer=0))
+        deck.keywords += f"*SURFACE, NAME=END{x}\n"
+        deck.keywords += "".join(f"{k}, {faces[x]}\n" for k, (_, own) in enumerate(deck.elements, 1) if end & set(own))
+        lead = deck.node((1.2 * x - 0.1, 0.05, 0.075), layer=1)
+        deck.keywords += f"*COUPLING, REF NODE={lead}, SURFACE=END{x}, CONSTRAINT NAME=C{x}\n*{coupling}\n1, 3\n"
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    expected = np.array(solve(tmp_path, "whole", deck.text(), matrices=False))
+    found = read(tmp_path)
+    assert prove_row_order(found).status == "proven"
+    turning = {int(node) for node in found.dofs.node[(found.dofs.component > 3) & (found.dofs.component <= 6)]}
+    assert len(turning) == order.count("KINEMATIC")
+    np.testing.assert_allclose(frequencies(found)[:6], expected[6:12], rtol=1e-6)

@@ -137,9 +137,12 @@ def rotation_nodes(deck: Sequence[Block], sets: DeckSets, last: int) -> dict[int
 
 
 def _rigid(deck: Sequence[Block], sets: DeckSets) -> Iterator[tuple[Block, int, tuple[int, ...]]]:
-    """Rigid bodies and couplings in order of the file, each with its reference node and the nodes that it moves."""
-    for block in deck:
-        if block.keyword not in ("RIGID BODY", "COUPLING"):
+    """Rigid bodies and couplings in order of the file, each with its reference node and the nodes that it moves.
+
+    The reference node of a distributing coupling has no rotations: CalculiX lets it move with the mean of the nodes.
+    """
+    for block, after in zip(deck, [*(block.keyword for block in deck[1:]), ""], strict=True):
+        if block.keyword not in ("RIGID BODY", "COUPLING") or after == "DISTRIBUTING":
             continue
         text = block.option("REF NODE").rpartition(".")[2]
         reference = sets.nodes_of(text)
