@@ -33,7 +33,11 @@ _LAST_NUMBERS = (
 
 # Rows that a program leaves out of its matrices without a card in the deck, by the format of the matrices.
 _LOST_ROWS = {
-    **dict.fromkeys(("op4", "op2", "dmig"), " (PARAM,AUTOSPC removes dofs that the deck does not name)"),
+    **dict.fromkeys(
+        ("op4", "op2", "dmig"),
+        " (PARAM,AUTOSPC holds dofs that no card names; add SPC1 cards of those in the "
+        "singularity table of the .f06 to the set in force)",
+    ),
     "calculix": " (CalculiX lists the rows in the .dof file of the same run: keep it beside the matrices)",
 }
 

@@ -24,6 +24,7 @@ from cmsreduce.read.nastran.dof_sets import (
     named_sets,
 )
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
+from cmsreduce.read.nastran.held_without_cards import stiffened_dofs
 from cmsreduce.read.nastran.listing import is_listing
 from cmsreduce.read.nastran.node_sets import NODE_SET_CARDS, node_sets
 from cmsreduce.read.nastran.rigid_elements import DEPENDENCE_CARDS, dependent_dofs
@@ -173,6 +174,11 @@ class BulkDeck:
             )
         return DofTable.from_keys(self._keys[name])
 
+    @property
+    def analysis(self) -> NDArray[np.int64]:
+        """Dof keys of the analysis set, sorted."""
+        return self._keys["a"]
+
     def sizes(self) -> dict[str, int]:
         """Number of dofs of every set that the deck defines and that is not empty."""
         return {name: self._keys[name].size for name in SET_NAMES if name in self._keys and self._keys[name].size}
@@ -253,6 +259,9 @@ def _deck_geometry(path: Path) -> Geometry:
     sizes = deck.sizes()
     rows: dict[str, DofTable] = {name: deck.dof_table(name) for name in ("a", "f", "n", "g") if name in sizes}
     sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
+    stiff = None if of_q else stiffened_dofs(path, Points(np.sort(deck.nodes.id), deck.spoints))
+    if stiff is not None and "a" in rows:
+        rows["autospc"] = DofTable.from_keys(np.intersect1d(deck.analysis, stiff, assume_unique=True))
     if "q" in sets and "b" in sets and len(sets["b"]) + len(sets["q"]) < len(rows["a"]):
         # Components of the grids of a q-set that stand for no mode may be in the c-set.
         rows["bq"] = DofTable.from_keys(np.union1d(deck.named["b"], deck.named["q"]))

@@ -23,7 +23,7 @@ from cmsreduce.read.nastran.dof_sets import (
 )
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_grids, scalar_points
 
-__all__ = ["DEPENDENCE_CARDS", "dependent_dofs", "read_followers"]
+__all__ = ["DEPENDENCE_CARDS", "dependent_dofs", "independent_dofs", "read_followers"]
 
 Array = NDArray[np.float64]
 Equation = tuple[Keys, Keys, Array]
@@ -52,6 +52,15 @@ def dependent_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -> 
         if name in cards
     ]
     return joined_keys(parts), remarks
+
+
+def independent_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -> list[Keys]:
+    """Dofs that rigid elements and multipoint constraints move others by; the mean motion of RBE3 is left out."""
+    found = [leads(card, points) for name, leads in _LEADS.items() for card in cards.get(name, ())]
+    for card in cards.get("RROD", ()):
+        ends = np.array([card.integer(1), card.integer(2)])
+        found.append((ends[:, None] * KEY_STEP + np.arange(1, 4)).ravel())
+    return found + [independents for _, independents, _ in _multipoint(cards, case, points)]
 
 
 def read_followers(path: Path, nodes: Nodes) -> Recovery:
@@ -153,7 +162,7 @@ def _keeps_its_length(card: Card, nodes: Nodes) -> Equation:
     return keys[named], keys[others], -share[None, others] / share[named[0]]
 
 
-def _multipoint(cards: Cards, case: tuple[str, ...] | None, points: Points) -> Iterator[Equation]:
+def _multipoint(cards: Cards, case: Sequence[str] | None, points: Points) -> Iterator[Equation]:
     for card in cards_in_force(cards, case, "MPC")[0]:
         # Three fields a term; the second line of the card, and every later one, leaves its first field blank.
         later = [line + first for line in range(8, len(card.fields), 8) for first in (1, 4)]
