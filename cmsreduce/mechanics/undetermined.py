@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.eigen import stiffness_null_space
 from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
-from cmsreduce.model import FEModel, Interface
+from cmsreduce.model import FEModel, Interface, rigid_body_shapes
 
 __all__ = ["Determined", "check_connected", "hold_undetermined", "parts"]
 
@@ -22,6 +22,8 @@ __all__ = ["Determined", "check_connected", "hold_undetermined", "parts"]
 _SOUND_PIVOT = 1e-6
 # Relative to the largest motion: dofs that move less are at rest.
 _AT_REST = 1e-6
+# Of the stiffness of the dof that a spring holds: firm beside the rounding, and soft beside the body.
+_SPRING = 1e-3
 # Rigid motions of a body that is free in all directions.
 _ALL_MOTIONS = 6
 # Dofs and parts named in a message.
@@ -108,7 +110,7 @@ class Determined:
     Parameters
     ----------
     body : FEModel
-        n dofs; the dofs held are in ``constrained``.
+        n dofs; the dofs held are in ``constrained``, or have springs to the rest of the body.
     motions : (n, k) float64
         Undetermined motions of the remaining dofs. A force or sensor along such a motion has no meaning: its response
         would depend on the choice of the dofs held.
@@ -215,13 +217,48 @@ def hold_undetermined(
         faces[name], labels = _without(body, face, moved, name in named)
         if labels:
             lost.append((name, labels))
-    held = np.flatnonzero(empty)
+    held = still = np.flatnonzero(empty)
     if motions.shape[1]:
         _, order = la.qr(scaled.T, mode="r", pivoting=True)
-        held = np.union1d(held, order[: motions.shape[1]])
-    stay = np.setdiff1d(np.arange(body.n, dtype=np.int64), held)
+        chosen = np.asarray(order[: motions.shape[1]], dtype=np.int64)
+        held = np.union1d(held, chosen)
+        springs = _springs_to_the_rest(body, motions, chosen, moved)
+        still, body = (held, body) if springs is None else (still, replace(body, K=sp.csc_array(body.K + springs)))
+    stay = np.setdiff1d(np.arange(body.n, dtype=np.int64), still)
     labels_held = tuple(body.dofs.labels[row] for row in held)
-    return Determined(_restricted(body, stay, held, faces), motions[stay], labels_held, tuple(lost))
+    return Determined(_restricted(body, stay, still, faces), motions[stay], labels_held, tuple(lost))
+
+
+def _springs_to_the_rest(
+    body: FEModel, motions: NDArray[np.float64], chosen: NDArray[np.int64], moved: NDArray[np.bool_]
+) -> sp.csc_array | None:
+    """Springs (n, n) that hold dofs against the rigid motion of the rest of the body, and carry no force.
+
+    Held to the ground, a rotation of a point on a massless arm would leave its translation the motion of the end of the
+    arm: it has mass, and rigid motions by the geometry are then none of the body. None where no mass is left to what
+    moves, and where six translations of the rest do not determine its rigid motions.
+    """
+    rest = np.setdiff1d(np.arange(body.n), chosen)
+    M, N = sp.csc_array(body.M[rest][:, rest]), (motions * moved[:, None])[rest]
+    if body.nodes is None or (abs(M @ N) <= _AT_REST * (abs(M) @ abs(N))).all():
+        return None
+    centre = body.nodes.xyz.mean(axis=0)
+    length = float(np.linalg.norm(body.nodes.xyz - centre, axis=1).max()) or 1.0
+    R = rigid_body_shapes(body.dofs, body.nodes, centre) / np.repeat([1.0, length], 3)
+    others = np.flatnonzero(~moved & (body.dofs.component > 0) & (body.dofs.component <= 3))
+    if others.size < _ALL_MOTIONS:
+        return None
+    factor, order = la.qr(R[others].T, mode="r", pivoting=True)
+    if abs(factor[-1, _ALL_MOTIONS - 1]) <= _AT_REST * abs(factor[0, 0]):
+        return None
+    six = others[order[:_ALL_MOTIONS]]
+    k = chosen.size
+    columns = np.hstack([chosen[:, None], np.tile(six, (k, 1))])
+    share = np.hstack([np.ones((k, 1)), -np.linalg.solve(R[six].T, R[chosen].T).T])
+    rows = np.repeat(np.arange(k), columns.shape[1])
+    apart = sp.csr_array((share.ravel(), (rows, columns.ravel())), shape=(k, body.n))
+    size = sp.diags_array(_SPRING * body.K.diagonal()[chosen])
+    return sp.csc_array(apart.T @ size @ apart)
 
 
 def _undetermined_motions(

@@ -17,7 +17,6 @@ from cmsreduce.model import FEModel, Finding, Scene, SystemChecks, health_data, 
 from cmsreduce.pipeline.bodies import (
     REDUCED_FILES,
     FlexibleBody,
-    body_health,
     effective_masses,
     read_flexible,
 )
@@ -219,7 +218,7 @@ def _body(pipeline: Pipeline, name: str, scene: Scene) -> Inspected:
 def _described(pipeline: Pipeline, flexible: FlexibleBody, scene: Scene) -> Inspected:
     name = flexible.body.name
     body, faces = flexible.body, ", ".join(flexible.body.interfaces)
-    health = body_health(body, flexible.rigid, negative=flexible.negative)
+    health = flexible.checked(thorough=True)
     table, totals = health_table(body, health), _totals(body)
     rigid_count = flexible.rigid.shape[1]
     rows = [

@@ -16,6 +16,7 @@ from cmsreduce.mechanics import check_connected, hold_undetermined
 from cmsreduce.mechanics.undetermined import parts
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, rigid_body_shapes
 from tests.frames import BAR, Section, beam_matrices, frame, line, rotation
+from tests.solids import block
 
 CHAIN = 34
 FIVE = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [5, 0, 0], [6, 0, 0]]
@@ -289,3 +290,38 @@ def test_six_rigid_motions_prove_one_piece(bars):
     else:
         with pytest.raises(MatrixError, match="not one piece: 2 parts"):
             check_connected(body, proven)
+
+
+@pytest.mark.parametrize("arm", [(0.1, 0.0, 0.05), (-0.3, 0.02, 0.1)])
+def test_a_massless_arm_that_turns_about_a_line_of_nodes_leaves_rigid_motions_and_mass_as_they_are(arm):
+    """An edge follows a point beside it, which turns freely about the edge (*RIGID BODY of CalculiX)."""
+    made = block("bar", (1.0, 0.2, 0.1), (4, 2, 1))
+    edge = np.flatnonzero((made.nodes.xyz[:, 0] == 1.0) & (made.nodes.xyz[:, 2] == 0.0)) + 1
+    on_edge = led_by_a_point(made, edge, np.zeros(3))
+    beside = led_by_a_point(made, edge, np.array(arm))
+    found = hold_undetermined(beside)
+    assert len(found.held) == 1 and found.held[0] in {f"99.{c}" for c in (4, 5, 6)}
+    assert hold_undetermined(on_edge).held == ("99.5",)
+    lam = []
+    for body in (found.body, hold_undetermined(on_edge).body):
+        R = rigid_body_shapes(body.dofs, body.nodes)
+        assert abs(body.K @ R).max() <= 1e-12 * abs(body.K).max()
+        whole = rigid_body_shapes(made.dofs, made.nodes)
+        np.testing.assert_allclose(R.T @ body.M @ R, whole.T @ made.M @ whole, rtol=1e-12, atol=1e-12)
+        lam.append(elastic_pairs(body.K.toarray(), body.M.toarray(), rigid_of(body), body.rounding)[0])
+    np.testing.assert_allclose(lam[0][:20], lam[1][:20], rtol=1e-9)
+
+
+def led_by_a_point(made: FEModel, led: np.ndarray, arm: np.ndarray) -> FEModel:
+    """A body of solids some nodes of which follow node 99, beside the first of them, as one rigid piece."""
+    place = made.nodes.xyz[led[0] - 1] + arm
+    six = DofTable(np.full(6, 99), np.arange(1, 7, dtype=np.int8))
+    other = ~np.isin(made.dofs.node, led)
+    T = sp.csc_array(sp.block_diag([sp.eye_array(made.n, format="csc")[:, other], np.zeros((0, 6))], format="csc"))
+    T = T.tolil()
+    T[~other, -6:] = rigid_body_shapes(made.dofs[~other], made.nodes, place)
+    T = sp.csc_array(T)
+    nodes = Nodes.in_basic([*made.nodes.id.tolist(), 99], np.vstack([made.nodes.xyz, place]))
+    return FEModel(
+        "bar", sp.csc_array(T.T @ made.K @ T), sp.csc_array(T.T @ made.M @ T), made.dofs[other].joined(six), nodes, {}
+    )

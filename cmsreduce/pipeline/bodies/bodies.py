@@ -97,7 +97,12 @@ class FlexibleBody:
             return self.original.health
         if self.known_health is not None:
             return self.known_health
-        return body_health(self.body, self.rigid, thorough=self.body.n <= THOROUGH, negative=self.negative)
+        return self.checked(thorough=self.body.n <= THOROUGH)
+
+    def checked(self, *, thorough: bool) -> BodyHealth:
+        """Health of the body itself, with or without factorisations."""
+        undetermined = None if self.determined is None else self.determined.motions
+        return body_health(self.body, self.rigid, thorough=thorough, negative=self.negative, undetermined=undetermined)
 
     @cached_property
     def fingerprint(self) -> str:

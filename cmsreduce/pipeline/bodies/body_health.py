@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import certified_modes
@@ -80,6 +80,7 @@ def body_health(
     *,
     thorough: bool = True,
     negative: Mapping[str, int | None] | None = None,
+    undetermined: NDArray[np.float64] | None = None,
 ) -> BodyHealth:
     """Check a body as it was read.
 
@@ -93,6 +94,8 @@ def body_health(
         Factorise its matrices, for their definiteness and for rigid motions by other sources.
     negative : mapping of ``stiffness`` and ``mass`` to int or None, optional
         Motions of negative energy, if they are known.
+    undetermined : (n, k) float64, optional
+        Motions that neither stiffness nor mass determines, of which one dof each is held, as in `Determined`.
     """
     if negative is None:
         negative = definite(body, None) if thorough else dict.fromkeys(("stiffness", "mass"))
@@ -103,13 +106,13 @@ def body_health(
     motions = held = principal = None
     if body.nodes is not None:
         centre = body.nodes.xyz.mean(axis=0)
-        R = rigid_body_shapes(body.dofs, body.nodes)
+        R = _rigid_shapes(body, undetermined)
         M6 = R.T @ (body.M @ R)
         mass |= _mass(body, "geometry", M6)
         if inertia_excess(M6) is not None and "geometry" in mass:
             principal = _principal(body, mass["geometry"])
         if rigid.shape[1] == _FREE:
-            held = _grounding(body, rigid_body_shapes(body.dofs, body.nodes, centre))
+            held = _grounding(body, _rigid_shapes(body, undetermined, centre))
             # An indefinite stiffness has no static response that shows rigid motions.
             motions = _motions(body, R) if thorough and not negative["stiffness"] else None
         if motions is not None:
@@ -125,6 +128,18 @@ def body_health(
         grounding=held,
         checks=tuple(checks),
     )
+
+
+def _rigid_shapes(
+    body: FEModel, undetermined: NDArray[np.float64] | None, point: ArrayLike = (0.0, 0.0, 0.0)
+) -> NDArray[np.float64]:
+    """Rigid motions by the geometry (n, 6), in which each dof that is held is at rest."""
+    assert body.nodes is not None
+    R = rigid_body_shapes(body.dofs, body.nodes, point)
+    if undetermined is None or not undetermined.shape[1]:
+        return R
+    resisted = body.K @ undetermined
+    return R - undetermined @ np.linalg.solve(undetermined.T @ resisted, resisted.T @ R)
 
 
 def _name(body: FEModel, *_: object) -> str:

@@ -186,7 +186,7 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
         tuple(replace(each, subject=name) for each in every),
         tuple(notes),
         negative,
-        body_health(body, rigid, thorough=body.n <= THOROUGH, negative=negative),
+        body_health(body, rigid, thorough=body.n <= THOROUGH, negative=negative, undetermined=determined.motions),
         matrices_hash(body),
         {},
         as_read=as_read if needs_files(pipeline, name) else None,
