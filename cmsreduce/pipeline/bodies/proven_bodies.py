@@ -36,6 +36,8 @@ THOROUGH = 3000
 _LARGE = 2000
 # Share of a unit translation outside the motions that K leaves free, up to which K leaves it free, too.
 _AT_REST = 1e-6
+# Of the kinetic energy of a motion: more than this beside the rigid motions of the geometry is another motion.
+_OTHER = 1e-3
 _FREE = 6
 # Fields of a body that its own constructor fills.
 _SOUND = "_sound"
@@ -236,12 +238,19 @@ def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
 def _mechanisms(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
     """Note on motions without energy that are no rigid motions of the geometry."""
     # Constraints that hold only what has no stiffness leave the motions of the geometry free.
-    whole = _shown_motions(body)
-    if not rigid.shape[1] > whole > 0:
+    whole, shapes = _shown_motions(body), _rigid_shapes(body)
+    if shapes is None or not whole or not rigid.shape[1]:
         return []
+    momentum = np.asarray(body.M @ shapes)
+    others = rigid - shapes @ np.linalg.lstsq(shapes.T @ momentum, momentum.T @ rigid)[0]
+    # The modes are orthonormal in mass.
+    count = int((np.linalg.eigvalsh(others.T @ (body.M @ others)) > _OTHER).sum())
+    if not count:
+        return []
+    kept = f"beyond the {whole} rigid ones" if rigid.shape[1] > whole else "that are no rigid motions of the body"
     return [
-        f"{body.name}: K leaves {rigid.shape[1] - whole} motions without energy beyond the {whole} rigid ones: a hinge "
-        "or release inside the body. If it has none, elements are missing"
+        f"{body.name}: K leaves {count} motions without energy {kept}: a hinge or release inside the body. If it has "
+        "none, elements are missing, or the file has too few digits for its softest motions, as for a thin plate"
     ]
 
 

@@ -13,9 +13,11 @@ from click.testing import CliRunner
 from cmsreduce.cli import main
 from cmsreduce.config import build_scene, load_pipeline
 from cmsreduce.errors import DofMapError
+from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
+from cmsreduce.pipeline.bodies.proven_bodies import _mechanisms
 from cmsreduce.read import prove_mass_order, prove_row_order
 from cmsreduce.read.nastran.stated import deck_statement
 from tests.frames import BAR, beam_matrices, frame
@@ -505,3 +507,17 @@ def test_a_mass_whose_moments_point_away_from_the_neighbours_is_not_proven(
     wrong = proof_of(opened(tmp_path, replace(body, M=M), cards), "mass")
     assert wrong.state in ("unproven", "refuted")
     assert wrong.state == "refuted" or "first moments point" in wrong.remark
+
+
+def test_a_held_plate_whose_file_has_too_few_digits_is_named():
+    """Its bending is softer than the last digit of the stretch through its thickness: it passed for a rigid motion."""
+    made = block("plate", (1.0, 0.2, 0.0005), (12, 2, 1), held=range(1, 7))
+    K = made.K.copy()
+    K.data = np.array([float(f"{x:.8e}") for x in K.data])
+    coarse = replace(made, K=sp.csc_array((K + K.T) / 2), rounding=5e-10, grounded=False)
+    rigid = rigid_body_modes(coarse.K, coarse.M, rigid_body_shapes(made.dofs, made.nodes), 5e-10, "plate")
+    assert 0 < rigid.shape[1] <= 6
+    (note,) = _mechanisms(coarse, rigid)
+    assert note.startswith(f"plate: K leaves {rigid.shape[1]} motions without energy that are no rigid motions")
+    assert "too few digits" in note
+    assert _mechanisms(made, np.zeros((made.n, 0))) == []
