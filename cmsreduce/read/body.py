@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, SI, Damping, DofTable, FEModel, Source, Units, rounding_of_values
-from cmsreduce.read.calculix_abaqus import expansion_beside
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import NODE_ROWS, Geometry
-from cmsreduce.read.geometry import other_length, read_geometry
+from cmsreduce.read.geometry import in_terms_of, other_length, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_interface
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
@@ -24,7 +22,6 @@ from cmsreduce.read.scalar_points import with_places
 
 __all__ = ["read_body"]
 
-_TRANSLATIONS = 3
 _NAMED = 5
 _LAST_NUMBERS = (
     ". Rows with numbers beyond those of the geometry were taken as dofs inside elements; a rigid body (*RIGID BODY, "
@@ -100,7 +97,7 @@ def read_body(
     shape = None if geometry is None else read_geometry(Path(geometry))
     set_name, dof_list = _set_or_list(rows, shape)
     matrices = {
-        kind: _in_terms_of(shape, read_matrix(Path(source.path), source.matrix, source.format, dof_list))
+        kind: in_terms_of(shape, read_matrix(Path(source.path), source.matrix, source.format, dof_list))
         for kind, source in {"stiffness": stiffness, "mass": mass, "damping": damping_matrix}.items()
         if source is not None
     }
@@ -187,31 +184,6 @@ def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[st
     # A word that is no file is a misspelt set; the geometry then lists the sets that exist.
     word = geometry is not None and rows.isidentifier() and not Path(rows).exists()
     return (rows, None) if named or word else (None, Path(rows))
-
-
-def _in_terms_of(geometry: Geometry | None, matrix: LabelledMatrix) -> LabelledMatrix:
-    """The matrix with the dofs that its labels mean in a geometry.
-
-    CalculiX labels rotations as components 1..3 of a number of their own. It numbers the dofs that it adds inside
-    elements after all nodes of the deck; they are scalar.
-    """
-    if geometry is None or matrix.dofs is None or matrix.format != "calculix" or not len(geometry.nodes):
-        return matrix
-    node, component = matrix.dofs.node.copy(), matrix.dofs.component.copy()
-    for turn, of in geometry.turning.items():
-        rows = np.flatnonzero((matrix.dofs.node == turn) & (component > SCALAR) & (component <= _TRANSLATIONS))
-        node[rows], component[rows] = of, component[rows] + _TRANSLATIONS
-    inner = np.flatnonzero((component > SCALAR) & (node > max(geometry.nodes.id.max(), *geometry.turning, 0)))
-    component[inner] = SCALAR
-    lacking = np.unique(node[(component > SCALAR) & (geometry.nodes.index(node) < 0)])
-    if lacking.size and (expansion := expansion_beside(matrix.path)) is not None:
-        raise DofMapError(
-            f"{geometry.path}: {lacking.size} nodes with rows in {matrix.path} have no place in it, the first is "
-            f"{lacking[0]}: CalculiX expanded shells or beams to solids ({expansion.path}), and a result file leaves "
-            "out the nodes of knots, loads and equations. Give the .inp file of this job as `geometry:`"
-        )
-    node[inner] = node.max(initial=0) + 1 + np.arange(inner.size)
-    return replace(matrix, dofs=DofTable(node, component))
 
 
 def _constrained(dofs: DofTable, geometry: Geometry | None) -> DofTable | None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.read.geometry import in_terms_of, read_geometry
 from cmsreduce.read.interfaces import MatrixSource
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.row_order import is_condensed
@@ -91,6 +94,8 @@ def matrix_on_rows(
         If its size is not that of the body, or it is not finite, or not symmetric or skew as asked.
     """
     found = read_matrix(source.path, source.matrix, source.format)
+    if found.format == "calculix" and (deck := next((s.path for s in body.sources if s.holds == "geometry"), "")):
+        found = in_terms_of(read_geometry(Path(deck)), found)
     what = f"{what} '{found.name}' of {found.path}{label}"
     A = found.A
     if A.shape[0] != A.shape[1] or (found.dofs is None and A.shape[0] != body.n):

@@ -13,17 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
-from cmsreduce.model import Nodes, Units, units_of
+from cmsreduce.model import SCALAR, DofTable, Nodes, Units, units_of
+from cmsreduce.read.calculix_abaqus import expansion_beside
 from cmsreduce.read.file_kind import GEOMETRY_HEAD, file_kind, geometry_format
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
+from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.mesh import MESH
 from cmsreduce.read.stated import StatedEnergy, StatedMass
 
-__all__ = ["deck_statement", "other_length", "read_cells", "read_geometry"]
+__all__ = ["deck_statement", "in_terms_of", "other_length", "read_cells", "read_geometry"]
 
 # Files state factors between units with four digits or more.
 _SAME_UNIT = 1e-3
+_TRANSLATIONS = 3
 
 
 def read_geometry(path: Path) -> Geometry:
@@ -82,6 +85,31 @@ def other_length(body: str, shape: Geometry, units: Units) -> tuple[str, ...]:
         f"{body}: {shape.path} states coordinates in {said} ({stated.where}), and the body is read in {units.name}: "
         f"set `units:` of the component to the system of its files, or write the coordinates in {units.length_name}",
     )
+
+
+def in_terms_of(geometry: Geometry | None, matrix: LabelledMatrix) -> LabelledMatrix:
+    """The matrix with the dofs that its labels mean in a geometry.
+
+    CalculiX labels rotations as components 1..3 of a number of their own. It numbers the dofs that it adds inside
+    elements after all nodes of the deck; they are scalar.
+    """
+    if geometry is None or matrix.dofs is None or matrix.format != "calculix" or not len(geometry.nodes):
+        return matrix
+    node, component = matrix.dofs.node.copy(), matrix.dofs.component.copy()
+    for turn, of in geometry.turning.items():
+        rows = np.flatnonzero((matrix.dofs.node == turn) & (component > SCALAR) & (component <= _TRANSLATIONS))
+        node[rows], component[rows] = of, component[rows] + _TRANSLATIONS
+    inner = np.flatnonzero((component > SCALAR) & (node > max(geometry.nodes.id.max(), *geometry.turning, 0)))
+    component[inner] = SCALAR
+    lacking = np.unique(node[(component > SCALAR) & (geometry.nodes.index(node) < 0)])
+    if lacking.size and (expansion := expansion_beside(matrix.path)) is not None:
+        raise DofMapError(
+            f"{geometry.path}: {lacking.size} nodes with rows in {matrix.path} have no place in it, the first is "
+            f"{lacking[0]}: CalculiX expanded shells or beams to solids ({expansion.path}), and a result file leaves "
+            "out the nodes of knots, loads and equations. Give the .inp file of this job as `geometry:`"
+        )
+    node[inner] = node.max(initial=0) + 1 + np.arange(inner.size)
+    return replace(matrix, dofs=DofTable(node, component))
 
 
 def read_cells(path: Path) -> Cells:

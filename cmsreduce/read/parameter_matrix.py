@@ -38,6 +38,7 @@ def read_parameter_matrix(
     *,
     grounded: bool = False,
     factors: Sequence[float] = (),
+    whole: bool = False,
 ) -> tuple[sp.csc_array, str]:
     """Read a matrix that is added to the stiffness, mass or damping of a body, by a parameter or as gyroscopic matrix.
 
@@ -55,6 +56,8 @@ def read_parameter_matrix(
         True if it may act against the ground: springs, dampers, forces of a rotating frame.
     factors : sequence of float
         Factors by which it is added in the configurations.
+    whole : bool
+        The file holds the matrix of the body with the addition, from which that of the body is taken off.
 
     Returns
     -------
@@ -74,6 +77,11 @@ def read_parameter_matrix(
     """
     what = f"body '{body.name}': {_WORDS[letter]} of {label}"
     A, rounding, named = matrix_on_rows(source, body, what, skew=letter == "G")
+    own = {"K": body.K, "M": body.M, "D": body.D}.get(letter) if whole else None
+    if own is not None:
+        largest, A = abs(A).max(), sp.csc_array(A - own)
+        A.eliminate_zeros()
+        rounding *= float(largest / max(abs(A).max(), np.finfo(float).tiny))
     if not A.nnz:
         raise MatrixError(f"{named} is zero: {'it' if letter == 'G' else 'the parameter'} would change nothing")
     _refuse_another(A, body, letter, named)
@@ -174,7 +182,8 @@ def _whole_matrix(A: sp.csc_array, body: FEModel, letter: Letter, factors: Seque
         return ""
     return (
         f"{named}: it is the {_WORDS[letter]} of the body times {share:.4g}, or holds it: {letter} = {letter}0 + p "
-        f"{letter}_p takes the difference of the {_WORDS[letter]} with the parameter and without"
+        f"{letter}_p takes the difference of the {_WORDS[letter]} with the parameter and without: "
+        "`whole: true` takes it"
     )
 
 

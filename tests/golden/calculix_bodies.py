@@ -226,10 +226,13 @@ def body(name, held):
     return deck.text()
 
 
-def solve(folder: Path, name: str, text: str, matrices: bool, modes: int = 12, output: str = "") -> list[float]:
-    """Run CalculiX; its frequencies in Hz, or none if it stores the matrices."""
+def solve(
+    folder: Path, name: str, text: str, matrices: bool, modes: int = 12, output: str = "", preload: str = ""
+) -> list[float]:
+    """Run CalculiX; its frequencies in Hz, or none if it stores the matrices. A preload is a static step before."""
     step = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n10\n" if matrices else f"*FREQUENCY\n{modes}\n*NODE FILE{output}\nU\n"
-    for file, content in _written(name, text + f"*STEP\n{step}*END STEP\n").items():
+    perturbed = ", PERTURBATION" if preload else ""
+    for file, content in _written(name, text + f"{preload}*STEP{perturbed}\n{step}*END STEP\n").items():
         (folder / file).write_bytes(content)
     if matrices:
         assert (folder / f"{name}.sti").is_file()

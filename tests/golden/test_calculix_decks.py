@@ -1,6 +1,7 @@
 """CalculiX decks as users write them: exponents of Fortran, other names of sections, plane elements."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError
 from cmsreduce.pipeline.evidence.deck_agreement import statement_of
-from cmsreduce.read import prove_row_order, read_geometry
+from cmsreduce.read import MatrixSource, prove_row_order, read_geometry, read_parameter_matrix
 from tests.golden.calculix_bodies import Deck, body, solve
 from tests.golden.test_calculix_bodies import frequencies, read
 
@@ -144,3 +145,27 @@ def test_the_reference_node_of_a_distributing_coupling_has_no_rotations(tmp_path
     turning = {int(node) for node in found.dofs.node[(found.dofs.component > 3) & (found.dofs.component <= 6)]}
     assert len(turning) == order.count("KINEMATIC")
     np.testing.assert_allclose(frequencies(found)[:6], expected[6:12], rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["C3D8I", "S8R"])
+def test_the_whole_stiffness_of_a_perturbation_step_is_that_of_a_parameter(tmp_path, kind):
+    """With rows of dofs inside elements, and of the nodes that a shell becomes."""
+    shell = kind[0] == "S"
+    deck = (
+        Deck().plate(kind, (8, 2), (0, 0, 0), (1, 0, 0), (0, 0.05, 0))
+        if shell
+        else Deck().solid(kind, (10, 2, 1), (1, 0.05, 0.01))
+    )
+    deck.nset("ROOT", deck.at(0))
+    text = deck.text() + f"*BOUNDARY\nROOT, 1, {6 if shell else 3}\n"
+    pull = f"*STEP\n*STATIC\n*DLOAD\nE{kind[0]}, GRAV, 9000., 1., 0., 0.\n*END STEP\n"
+    solve(tmp_path, "bar", text, matrices=True)
+    solve(tmp_path, "stress", text, matrices=True, preload=pull)
+    rest = np.array(solve(tmp_path, "rest", text, matrices=False))
+    expected = np.array(solve(tmp_path, "whole", text, matrices=False, preload=pull))
+    assert (expected[:3] > 1.02 * rest[:3]).any()
+    found = read(tmp_path)
+    source = MatrixSource(tmp_path / "stress.sti")
+    A, _ = read_parameter_matrix(source, found, "K", "parameter 'pull'", grounded=True, whole=True)
+    np.testing.assert_allclose(frequencies(replace(found, K=found.K + A))[:6], expected[:6], rtol=1e-5)
+    assert abs(A.data).max() < 0.1 * abs(found.K.data).max()

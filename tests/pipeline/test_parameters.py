@@ -283,6 +283,20 @@ def test_a_spin_stiffens_with_its_square(string: Path) -> None:
     np.testing.assert_allclose(found, pinned_hz(rate**2, 5), rtol=3e-4)
 
 
+def test_a_file_of_the_whole_stiffness_under_preload(string: Path) -> None:
+    """As CalculiX writes it in a perturbation step; the closed form, without a note on what the file holds."""
+    body = line("string", [0, 0, 0], [1, 0, 0], ELEMENTS, interfaces={"left": 1, "right": ELEMENTS + 1})
+    op4.write(str(string.parent / "whole.op4"), {"KT": body.K.toarray() + PRELOAD * string_stiffness(body, 1.0)})
+    given = "unit: 20 kN, stiffness: {string: {file: whole.op4, matrix: KT, whole: true}}"
+    string.write_text(string.read_text().replace("stiffness: {string: {file: kg.op4, matrix: KG}}", given))
+    run = open_run(string)
+    for tension in (PRELOAD, 0.3 * PRELOAD):
+        there = Configuration("preloaded", parameters={"preload": tension})
+        found = run.model.assembled.resonances(there).omega[:5] / (2 * np.pi)
+        np.testing.assert_allclose(found, pinned_hz(tension, 5), rtol=3e-4)
+    assert not any("preload" in note for note in run.bodies["string"].notes)
+
+
 CASES = {
     "other rows": ("K", r"couples \d+ pairs of nodes|a translation of the whole body costs"),
     "a support": ("support", r"say `grounded: true` under the parameter"),

@@ -63,6 +63,13 @@ class ParameterMatrix(MatrixFile):
         description="Power of the parameter by which the matrix is multiplied: 1, or 2 for the stress of a spin.",
         examples=[2],
     )
+    whole: bool = Field(
+        default=False,
+        strict=True,
+        description="The file holds the whole matrix of the body with the parameter at `unit`, as a preloaded step "
+        "writes it; that of the body is taken off.",
+        examples=[True],
+    )
 
 
 class ParameterKeys(Keys):

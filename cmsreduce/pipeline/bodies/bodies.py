@@ -28,7 +28,7 @@ from cmsreduce.model import (
 )
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
-from cmsreduce.pipeline.bodies.parameters import body_corners, body_terms
+from cmsreduce.pipeline.bodies.parameters import body_corners, body_terms, refuse_undetermined
 from cmsreduce.pipeline.bodies.proven_bodies import THOROUGH, ProvenBody, hash_of, matrices_hash, proven_body
 from cmsreduce.pipeline.bodies.scene_ports import scene_ports
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
@@ -173,6 +173,7 @@ def in_scene(proven: ProvenBody, pipeline: Pipeline, name: str, scene: Scene) ->
     if proven.as_read is not None:
         added, unproven = body_terms(pipeline, body, proven.as_read)
         terms = (*body.terms, *added)
+        refuse_undetermined(terms, Determined(body, proven.undetermined, proven.held, proven.lost))
         body = replace(body, terms=terms, corners=body_corners(terms, scene, name)) if terms else body
         notes += unproven
         stiffening, remarks = body_stiffening(pipeline, body, proven.as_read, rigid)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -9,14 +10,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.config import MatrixFile, Pipeline, WheelKeys
+from cmsreduce.config import MatrixFile, ParameterMatrix, Pipeline, WheelKeys
 from cmsreduce.errors import MatrixError, SceneError
+from cmsreduce.mechanics import Determined
 from cmsreduce.model import FEModel, Letter, ParameterTerm, Scene, Values, cross_matrix, matrix_in_units
 from cmsreduce.pipeline.bodies.modal_input import matrix_source
 from cmsreduce.pipeline.bodies.stiffening import row_motions
 from cmsreduce.read import read_parameter_matrix
 
-__all__ = ["body_corners", "body_terms"]
+__all__ = ["body_corners", "body_terms", "refuse_undetermined"]
 
 # Share of a momentum that the rounding of a frame's axes leaves about an axis.
 _STRAY = 1e-9
@@ -55,7 +57,10 @@ def body_terms(pipeline: Pipeline, body: FEModel, as_read: FEModel) -> tuple[tup
     ) -> None:
         factors = [(value / unit) ** power for value in values]
         source = matrix_source(given)
-        A, remark = read_parameter_matrix(source, as_read, letter, what, grounded=grounded, factors=factors)
+        whole = isinstance(given, ParameterMatrix) and given.whole
+        A, remark = read_parameter_matrix(
+            source, as_read, letter, what, grounded=grounded, factors=factors, whole=whole
+        )
         restated = matrix_in_units(A, as_read.dofs, letter, as_read.units, body.units)
         T = row_motions(body, as_read)
         _refuse_held(restated, T, body, f"{what}: {given.file.name}", as_read)
@@ -151,6 +156,29 @@ def body_corners(terms: tuple[ParameterTerm, ...], scene: Scene, name: str) -> t
             f"most {_MOST}); vary fewer parameters of this body at once"
         )
     return tuple(dict(zip(own, values, strict=True)) for values in sampled if any(values))
+
+
+def refuse_undetermined(terms: Sequence[ParameterTerm], determined: Determined) -> None:
+    """Refuse a matrix on a motion that nothing else determines, where springs hold it to the rest of the body.
+
+    Raises
+    ------
+    MatrixError
+        Names a dof on which it acts.
+    """
+    body, N = determined.body, determined.motions * determined.moved[:, None]
+    if not set(determined.held) & set(body.dofs.labels):
+        return
+    for term in terms:
+        A = sp.csr_array(term.matrix)
+        force = abs(A @ N).max(axis=1)
+        at = int(force.argmax())
+        if force[at] > _STRAY * float((abs(A) @ abs(N)).max()):
+            what = f"parameter '{term.parameter}'" if term.parameter else "its gyroscopic matrix"
+            raise MatrixError(
+                f"body '{body.name}': {what} acts on {body.dofs.labels[at]} in a motion that has neither stiffness nor "
+                "mass without it and so is held; give the motion a small stiffness or mass in the body's own matrices"
+            )
 
 
 def _refuse_held(A: sp.csc_array, T: sp.csr_array, body: FEModel, what: str, as_read: FEModel) -> None:

@@ -61,8 +61,9 @@ def preload(case: Failure) -> str | None:
         return None
     return (
         f"a preload: {step} with PERTURBATION writes matrices that hold the stress of the step before it, and its "
-        "loads do not turn with the body. Write both matrices in a first step without loads, and give (K with the load "
-        "- K without) / load as a stiffness of a parameter under `scene.parameters`"
+        "loads do not turn with the body. Write the matrices of the body in a job whose first step has no loads, and "
+        "give this stiffness as that of a parameter: `scene: {parameters: {preload: {stiffness: {BODY: {file: ..., "
+        "whole: true}}}}}`"
     )
 
 
