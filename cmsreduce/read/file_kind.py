@@ -118,7 +118,7 @@ _DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*\d+(?:\.|[ \t]*,[ \t]*)[0-6
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:\s*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 _MARKS = (
-    _Mark("gzip", "a file compressed with gzip", _starts(b"\x1f\x8b"), _UNPACK),
+    _Mark("gzip", "a file compressed with gzip", _starts(b"\x1f\x8b"), "`gunzip -k {path}`, and name that file"),
     _Mark("zip", "a zip archive", _starts(b"PK\x03\x04", b"PK\x05\x06"), _UNPACK),
     _Mark(
         "compressed", "a compressed file", _starts(b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf"), _UNPACK

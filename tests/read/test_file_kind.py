@@ -135,6 +135,12 @@ def test_nastran_and_hdf5_files_of_programs(tmp_path: Path) -> None:
     assert (file_kind(tmp_path / "d").matrices, file_kind(tmp_path / "d").geometry) == ("dmig", "bulk")
 
 
+def test_a_compressed_file_is_named_with_the_command_that_unpacks_it(tmp_path: Path) -> None:
+    (tmp_path / "a.mtx.gz").write_bytes(gzip.compress(b"%%MatrixMarket matrix array real general\n1 1\n1\n"))
+    with pytest.raises(ReadError, match=r"holds no matrix: `gunzip -k .*a\.mtx\.gz`, and name that file"):
+        matrix_names(tmp_path / "a.mtx.gz")
+
+
 def test_own_files_are_named_with_their_version(tmp_path: Path) -> None:
     hdf5(tmp_path / "a", *HDF5["system"])
     with pytest.raises(ReadError, match=r"assembled reduced system that cmsreduce wrote \(format version 2\)"):
