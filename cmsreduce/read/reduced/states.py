@@ -33,7 +33,7 @@ _NONE, _TOGETHER = 1e-11, 1e-9
 _UNSEEN = 1e-12
 # Imaginary part of an eigenvalue, relative to the largest: less is round-off of a double one with a single eigenvector,
 # such as of a rigid motion and its rate, which the root of round-off splits.
-_STILL = 1e-7
+_STILL = 5e-8
 # Of modal matrices made with eigenvectors of states.
 _DIGITS = 1e-10
 _HELP = (
