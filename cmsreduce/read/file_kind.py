@@ -111,11 +111,12 @@ def _matches(pattern: bytes) -> Callable[[bytes], bool]:
 
 _MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf))"
 # MBDyn reads by record groups, and some writers have other words before them.
-_MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:\*\*[^\n]*\n|\s*\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
+_MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:(?:\*\*[^\n]*|[^\S\n]*)\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
+_SID = rb"^[^\S\n]*part[^\S\n]*\n\s*new modal\b"
 _SUBSTRUCTURE = rb"\A(?:\xef\xbb\xbf)?(?:\s*\*\*[^\n]*\n)*\s*\*\s*USER\s*ELEMENT\b"
 # With remarks, and separated as spreadsheets do.
 _DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*\d+(?:\.|[ \t]*,[ \t]*)[0-6]\s*\n){2}"
-_KEYS = rb"\A(?:\xef\xbb\xbf)?(?:\s*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
+_KEYS = rb"\A(?:\xef\xbb\xbf)?(?:[^\S\n]*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 _MARKS = (
     _Mark("gzip", "a file compressed with gzip", _starts(b"\x1f\x8b"), "`gunzip -k {path}`, and name that file"),
@@ -143,7 +144,7 @@ _MARKS = (
     _Mark(
         "aster",
         "an ASCII mesh of code_aster (.mail)",
-        _matches(rb"^\s*COOR_[23]D\b"),
+        _matches(rb"^[^\S\n]*COOR_[23]D\b"),
         "write the mesh as MED (IMPR_RESU, FORMAT='MED')",
     ),
     _Mark(
@@ -153,7 +154,7 @@ _MARKS = (
         "name the deck and the OP4, OP2 or punch file of the run",
     ),
     _Mark("substructure", "a substructure (*USER ELEMENT) of Abaqus or CalculiX", _matches(_SUBSTRUCTURE), _WHOLE),
-    _Mark("sid", "an SID file, a body that is reduced already", _matches(rb"^\s*part\s*$\s*^\s*new modal\b"), _REDUCED),
+    _Mark("sid", "an SID file, a body that is reduced already", _matches(_SID), _REDUCED),
     _Mark("mbdyn", "a modal body of MBDyn, which is reduced already", _matches(_MBDYN), _REDUCED),
     _Mark("html", "a web page", _matches(rb"\A\s*<(?:!doctype\s+)?html")),
     _Mark("dofs", "a dof list, one node.component a line", _matches(_DOFS), "use it as `rows:`"),
@@ -274,10 +275,7 @@ def expect_kind(path: Path, wanted: str) -> None:
         found = sorted(path.glob(_FILES_OF[wanted]))[:_NAMED_IN_HDF5]
         rest = f"name the file in it: {', '.join(map(str, found))}" if found else "it has no such file"
         raise ReadError(f"{path}: this is a folder, not {words}; {rest}")
-    if not path.is_file():
-        return
-    kind = file_kind(path)
-    if kind.name not in (*kinds, "empty", "unknown"):
+    if path.is_file() and (kind := file_kind(path)).name not in (*kinds, "empty", "unknown"):
         step = kind.step or _INSPECT.format(path=path)
         if wanted == "pipeline" and (kind.matrices or kind.geometry):
             step = f"{step}, and `cmsreduce new NAME FILE...` makes a pipeline from the matrices and the deck of a body"

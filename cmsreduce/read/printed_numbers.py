@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -77,14 +78,17 @@ def number_of(text: str) -> float:
     Raises
     ------
     ValueError
-        If the text begins with no number.
+        If the text begins with no number, or with one that is not finite.
 
     Examples
     --------
     >>> number_of("-.25d2"), number_of(" 3 kg")
     (-25.0, 3.0)
     """
-    return float((text.split() or [""])[0].replace("D", "E").replace("d", "e"))
+    word = (text.split() or [""])[0]
+    if not math.isfinite(number := float(word.replace("D", "E").replace("d", "e"))):
+        raise ValueError(f"'{word[:40]}' is not finite")
+    return number
 
 
 def digits_of(text: str) -> int:

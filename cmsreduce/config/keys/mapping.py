@@ -62,6 +62,7 @@ __all__ = [
 ]
 
 _T = TypeVar("_T")
+_LONGEST_ID = 15  # digits of a node: ids become keys of dofs in 64-bit integers
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 
 
@@ -218,7 +219,7 @@ def parse_point(text: str) -> Point:
         If it is not two names with a dot between them.
     """
     body, _, name = text.partition(".")
-    if not _NAME.fullmatch(body) or not _NAME.fullmatch(name):
+    if not _NAME.fullmatch(body) or not _NAME.fullmatch(name) or (name.isdigit() and len(name) > _LONGEST_ID):
         raise ValueError(f"'{text}' is no point: write COMPONENT.INTERFACE, COMPONENT.NODE or COMPONENT.cg")
     return Point(body, name)
 

@@ -45,7 +45,7 @@ _UNITS: dict[str, tuple[Dimension, float]] = {
     name: (dimension, value) for dimension in get_args(Dimension) for name, value in units_of(dimension).items()
 }
 
-_FORM = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-][^\s]*)?\s*")
+_FORM = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(?:([^\d\s.+-]\S*)\s*)?")
 
 ElementFigure = Literal["stiffness", "damping", "inertia"]
 """Properties of a joint along each of its motions."""

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from cmsreduce.errors import ReadError
 from cmsreduce.model import SI, System
 from cmsreduce.pipeline.bodies import reduced_body
 from cmsreduce.read import FileKind
@@ -83,10 +84,16 @@ def inspected_body(kind: FileKind, path: Path) -> tuple[list[InspectedLine], dic
     Raises
     ------
     ReadError
-        If the file is damaged.
+        If the file is damaged, or no body has its mass.
     """
     modal = reduced_body("body", path, SI)
-    elastic = la.eigvalsh(modal.K, modal.M)[int((~modal.K.any(axis=0)).sum()) :]
+    try:
+        elastic = la.eigvalsh(modal.K, modal.M)[int((~modal.K.any(axis=0)).sum()) :]
+    except la.LinAlgError as error:
+        raise ReadError(
+            f"{path}: its mass matrix is not positive definite: the modal mass, the momentum of the modes and the mass "
+            "of the body contradict each other; write the file again"
+        ) from error
     hz = np.sqrt(np.maximum(elastic, 0.0)) / (2 * np.pi)
     rigid, mass = modal.K.shape[0] - hz.size, float(modal.M[0, 0])
     whole = "given" if modal.second_order is not None else "not in the file, or not of the same modes"

@@ -18,7 +18,7 @@ __all__ = ["NODE_FILE"]
 
 _NODE_BLOCK = re.compile(r"^NBLOCK\s*,", re.IGNORECASE | re.MULTILINE)
 
-_UNITS = re.compile(r"^\s*/UNITS\s*,\s*(\w+)", re.IGNORECASE | re.MULTILINE)
+_UNITS = re.compile(r"^[^\S\n]*/UNITS\s*,\s*(\w+)", re.IGNORECASE | re.MULTILINE)
 # Metres by the label of the command /UNITS.
 _LENGTHS = {"SI": 1.0, "MKS": 1.0, "UMKS": 1e-6, "CGS": 1e-2, "MPA": 1e-3, "BFT": 0.3048, "BIN": 0.0254}
 

@@ -25,8 +25,8 @@ __all__ = ["PLANE", "ExpandedElement", "Expansion", "expanded_node", "expansion_
 
 _KNOT = re.compile(r"KNOT was generated in node\s+(\d+)")
 _ELEMENT = re.compile(
-    r'ELEMENT\s+(\d+) with label "([^"]*)" and with nodes:\s+([\d\s]+?)is expanded into a "([^"]*)" element with '
-    r"topology:\s+([\d\s]+)"
+    r'ELEMENT\s+(\d+) with label "([^"]*)" and with nodes:\s([\d\s]+?)is expanded into a "([^"]*)" element with '
+    r"topology:\s([\d\s]+)"
 )
 # Nodes of the solid element at each node of a beam's two ends, then of its middle.
 _BEAM_ENDS = ((0, 3, 4, 7, 11, 15, 16, 19), (1, 2, 5, 6, 9, 13, 17, 18))

@@ -93,21 +93,23 @@ def expanded_places(
             )
         xyz = np.array([places[node] for node in element.nodes])
         section = sections[element.number]
-        for node, ids, direction in zip(element.nodes, element.became, _directions(element, xyz), strict=True):
-            axes.setdefault(ids[0], []).append(_axes(section, direction))
+        where = f"{expansion.path}: element {element.number}"
+        for node, ids, along in zip(element.nodes, element.became, _directions(element, xyz), strict=True):
+            axes.setdefault(ids[0], []).append(_axes(section, along, where))
             of.setdefault(ids[0], (node, element, ids))
             if len(ids) > len(of[ids[0]][2]):
                 of[ids[0]] = (node, element, ids)
     out: Places = {}
     for first, (node, element, ids) in of.items():
         across = _across(sections[element.number], np.array(ids) - first, element.beam)
-        at = np.asarray(places[node]) + across @ _mean(np.sum(axes[first], axis=0))
+        mean = _mean(np.sum(axes[first], axis=0), f"{expansion.path}: node {node}")
+        at = np.asarray(places[node]) + across @ mean
         out |= {id: tuple(map(float, row)) for id, row in zip(ids, at, strict=True)}
     return out
 
 
 def _directions(element: ExpandedElement, xyz: Array) -> Array:
-    """Unit tangents of a beam, or unit normals of a shell, at its nodes (k, 3)."""
+    """Tangents of a beam, or normals of a shell, at its nodes (k, 3)."""
     at, powers = (np.array(part, dtype=np.float64) for part in (_LINES if element.beam else _FACES)[len(xyz)])
     shapes = np.linalg.inv(np.prod(at[:, None, :] ** powers, axis=2))
     along = []
@@ -115,25 +117,33 @@ def _directions(element: ExpandedElement, xyz: Array) -> Array:
         lowered = powers.copy()
         lowered[:, axis] = np.maximum(lowered[:, axis] - 1, 0)
         along.append((powers[:, axis] * np.prod(at[:, None, :] ** lowered, axis=2)) @ shapes @ xyz)
-    found = along[0] if element.beam else np.cross(along[0], along[1])
-    return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+    return np.asarray(along[0] if element.beam else np.cross(along[0], along[1]))
 
 
-def _axes(section: _Section, direction: Array) -> Array:
+def _unit(v: Array, where: str) -> Array:
+    """Unit vector; a ReadError for one without length."""
+    if not 0 < (length := float(np.linalg.norm(v))) < np.inf:
+        raise ReadError(
+            f"{where}: no axes of its section follow from its nodes and its section: nodes at one place, a first axis "
+            "along the beam, or normals against each other; mend the mesh"
+        )
+    return v / length
+
+
+def _axes(section: _Section, along: Array, where: str) -> Array:
     """Normal of a shell (1, 3), or tangent and second axis of a beam's section (2, 3), in one element."""
+    direction = _unit(along, where)
     if not section.first_axis:
         return direction[None]
-    second = np.cross(direction, section.first_axis)
-    return np.stack([direction, second / np.linalg.norm(second)])
+    return np.stack([direction, _unit(np.cross(direction, section.first_axis), where)])
 
 
-def _mean(summed: Array) -> Array:
+def _mean(summed: Array, where: str) -> Array:
     """Axes of the thicknesses at a node, from the sums over its elements: a shell's normal, a beam's two axes."""
-    direction = summed[0] / np.linalg.norm(summed[0])
+    direction = _unit(summed[0], where)
     if len(summed) == 1:
         return np.asarray(direction[None])
-    second = summed[1] - (summed[1] @ direction) * direction
-    second /= np.linalg.norm(second)
+    second = _unit(summed[1] - (summed[1] @ direction) * direction, where)
     return np.stack([np.cross(second, direction), second])
 
 

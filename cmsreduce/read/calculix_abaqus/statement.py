@@ -51,6 +51,8 @@ _STRESSED = ("STATIC", "DYNAMIC", "VISCO", "COUPLED TEMPERATURE-DISPLACEMENT")
 _SHELLS = {"S3": "C3D6", "S4": "C3D8", "S6": "C3D15", "S8": "C3D20"}
 # Types of a *MASS that is the same in all directions.
 _EQUAL = ("", "ISOTROPIC")
+# Beyond any modulus in any units; products with larger ones may overflow.
+_LARGEST = 1e100
 # Gauss points each way: exact for straight elements, and for their volumes; of reduced integration; for curved ones.
 _POINTS, _VOLUME, _REDUCED, _MORE = 3, 2, {"C3D8": 1, "C3D20": 2}, 4
 # A program's rule differs from the exact one by at most so many times the difference of the rules compared here.
@@ -87,7 +89,7 @@ class _Elements:
 
 @dataclass(frozen=True)
 class _Material:
-    """Density, modulus and Poisson's ratio; nan where the deck states none, or several by temperature."""
+    """Density, modulus and Poisson's ratio; nan where the deck states none that a solid has, or several."""
 
     density: float = np.nan
     E: float = np.nan
@@ -124,7 +126,7 @@ def input_file_statement(
         solids, points = _elements(deck, path)
         solids = [_at(each, nodes) for each in solids]
         mass = _mass(solids, points, materials, nodes, moving)
-    except (ReadError, NotCountedError, ValueError):
+    except (ReadError, NotCountedError, ValueError, OverflowError):
         return None, None
     parts, without = _energies(solids, materials, nodes, moving)
     if any(block.keyword in _STRESSED for block in deck):
@@ -270,7 +272,8 @@ def _materials(deck: Sequence[Block]) -> dict[str, _Material]:
             found[name] = replace(found[name], density=_constants(block, 1)[0])
         elif block.keyword == "ELASTIC" and name and block.option("TYPE") in ("", "ISO", "ISOTROPIC"):
             E, nu = _constants(block, 2)
-            found[name] = replace(found[name], E=E, nu=nu)
+            if 0 < E < _LARGEST and -1 < nu < 0.5:
+                found[name] = replace(found[name], E=E, nu=nu)
     return found
 
 

@@ -19,12 +19,14 @@ from cmsreduce.errors import ReadError
 from cmsreduce.read.files import is_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size, mirrored
-from cmsreduce.read.printed_numbers import real_number, rounding_of_printed
+from cmsreduce.read.printed_numbers import INTEGER, real_number, rounding_of_printed, whole_number
 
 __all__ = ["HARWELL_BOEING"]
 
 _TYPE = re.compile(r"([RCPI])([SUHZR])([AE])\s", re.IGNORECASE)
-_FIELD = re.compile(r"\(\s*(?:\d+P,?\s*)?(\d*)\s*[IEDFG](\d+)(?:\.\d+)?(?:E\d+)?\s*\)", re.IGNORECASE)
+_FIELD = re.compile(
+    r"\(\s*(?:\d+P,?\s*)?([1-9]\d{0,2})?\s*[IEDFG]([1-9]\d{0,2})(?:\.\d+)?(?:E\d+)?\s*\)", re.IGNORECASE
+)
 _SYMMETRY = {"S": "symmetric", "H": "symmetric", "U": "square", "R": "rectangular", "Z": "skew-symmetric"}
 # Numbers at each end that show how all are printed.
 _ENDS = 1000
@@ -62,8 +64,8 @@ def _header(text: list[str]) -> _Header | None:
 
 def _integers(line: str) -> list[int]:
     """Integers of a line; empty if it holds anything else."""
-    words = line.split()
-    return [int(word) for word in words] if all(word.isdigit() for word in words) else []
+    found = [whole_number(word) for word in line.split()]
+    return [number for number in found if number is not None and number >= 0] if None not in found else []
 
 
 def _matrices(path: Path) -> list[StoredMatrix]:
@@ -132,7 +134,7 @@ def _words(lines: list[str], each: int, width: int, number: int) -> list[str]:
 
 
 def _as_integers(path: Path, words: list[str]) -> NDArray[np.int64]:
-    bad = next((word for word in words if not word.isdigit()), None)
+    bad = next((word for word in words if not INTEGER.match(word)), None)
     if bad is not None:
         raise ReadError(f"{path}: '{bad}' is no row or column; the file is damaged, write it again")
     return np.array(words, dtype=np.int64)

@@ -71,13 +71,13 @@ def _fields(path: Path, name: str) -> list[StoredMatrix]:
 
 
 def _by_scipy(path: Path, what: str, call: Callable[[], Any]) -> Any:
-    """Result of a call to scipy; its own error for these files is not among ``LIBRARY_ERRORS``."""
+    """Result of a call to scipy; its own errors for these files are not among ``LIBRARY_ERRORS``."""
     from scipy.io.matlab import MatReadError
 
     with reading(path, what), np.errstate(invalid="ignore"):
         try:
             return call()
-        except MatReadError as error:
+        except (MatReadError, UnboundLocalError) as error:
             raise ValueError(str(error)) from error
 
 

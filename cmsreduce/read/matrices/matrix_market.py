@@ -20,7 +20,7 @@ from cmsreduce.read.files import read_head, read_lines
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size, complex_refused
 from cmsreduce.read.numbers_at_once import INTEGER, REAL, numbers_of
-from cmsreduce.read.printed_numbers import rounding_of_printed, stops_in_a_number
+from cmsreduce.read.printed_numbers import rounding_of_printed, stops_in_a_number, whole_number
 
 __all__ = ["COORDINATE", "LABELLED", "MATRIX_MARKET", "read_entries"]
 
@@ -169,15 +169,16 @@ def _header(path: Path) -> tuple[str, str, str, tuple[int, int, int]]:
     banner, _, rest = head.decode("utf-8-sig", errors="replace").lstrip().partition("\n")
     found = _HEAD.match(rest.encode())
     sizes = found[0].split(b"\n")[-2 if found[0].endswith(b"\n") else -1].split() if found else []
-    _, *words = banner.lower().removeprefix("%").removeprefix("%").split()
-    layout, field, symmetry = words[1:] if len(words) == 4 else ("", "", "")
+    words = banner.lower().removeprefix("%").removeprefix("%").split()
+    layout, field, symmetry = words[2:] if len(words) == 5 else ("", "", "")
     known = layout in _LAYOUTS and field in _FIELDS and symmetry in _MIRROR
-    if not known or len(sizes) != _LAYOUTS[layout] or not all(word.isdigit() for word in sizes):
+    numbers = [number for word in sizes if (number := whole_number(word.decode("latin-1"))) is not None]
+    if not known or len(sizes) != _LAYOUTS[layout] or len(numbers) < len(sizes):
         raise ReadError(
             f"{path}: the Matrix Market header cannot be read; write '%%MatrixMarket matrix coordinate real symmetric' "
             "(or array, integer, general, skew-symmetric), then rows, columns and, of coordinates, entries"
         )
-    rows, cols, *entries = map(int, sizes)
+    rows, cols, *entries = numbers
     return layout, field, symmetry, (rows, cols, entries[0] if entries else rows * cols)
 
 

@@ -23,7 +23,7 @@ _SET = re.compile(r"SET\s+(\d{1,9})\s*=\s*(.*)")
 _OF_ELEMENTS = re.compile(
     r"(?:EL)?(?:FORCE|STRE|STRA|STRESS|STRAIN)\w*|(?:ESE|EKE|EDE|GPSTRESS|NLSTRESS|ELSUM|GPFORCE)\b", re.IGNORECASE
 )
-_REQUEST = re.compile(r"([A-Z]\w*)\s*(?:\([^)]*\))?\s*=\s*(\d{1,9})\s*$")
+_REQUEST = re.compile(r"([A-Z]\w*)\s*(?:\([^)]*\)\s*)?=\s*(\d{1,9})\s*$")
 _OF_GRIDS = ("GRID", "POINT")
 _LIST = 8  # field of the first id of a SET of OptiStruct, on the second line
 

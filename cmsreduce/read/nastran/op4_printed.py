@@ -35,7 +35,9 @@ _WIDE_ASCII_HEADER = re.compile(
     r"(?P<cols>[ \d]{15}\d)(?P<rows>[ \d-]{15}\d)(?P<form>[ \d]{7}\d)(?P<type>[ \d]{7}\d)"
     r"(?P<name>.{8})(?P<format>.*)\|I16"
 )
-_NUMBER_FORMAT = re.compile(r"(?P<scale>1P,)?(?P<count>\d+)[ED](?P<width>\d+)\.(?P<digits>\d+)")
+_NUMBER_FORMAT = re.compile(
+    r"(?P<scale>1P,)?(?<!\d)(?P<count>[1-9]\d{0,2})[ED](?P<width>[1-9]\d{0,2})\.(?P<digits>\d{1,3})(?!\d)"
+)
 
 
 def is_printed_header(line: str) -> bool:
@@ -138,12 +140,13 @@ class PrintedRecords:
         """Header of a matrix from its line, and its strings."""
         match = _WIDE_ASCII_HEADER.fullmatch(line) or _ASCII_HEADER.fullmatch(line)
         # The pattern allows a blank among the digits of a field.
-        if match is None or any(" " in match[key].strip() for key in ("rows", "cols", "form", "type")):
+        sizes = ("rows", "cols", "form", "type")
+        if match is None or not is_printed_header(line) or any(" " in match[key].strip() for key in sizes):
             raise ReadError(
                 f"{self.path}, line {self.number}: '{line[:40]}' should be the header of an OP4 matrix; the file is "
                 "damaged: write or copy it again"
             )
-        rows, cols, form, kind = (int(match[key]) for key in ("rows", "cols", "form", "type"))
+        rows, cols, form, kind = (int(match[key]) for key in sizes)
         name = match["name"].strip(" \0")
         check_size(self.path, name, abs(rows), cols, len(self.content))
         if kind not in TYPES:

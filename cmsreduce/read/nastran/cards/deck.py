@@ -26,12 +26,13 @@ __all__ = ["CardFile", "read_cards", "texts_kept"]
 
 _INCLUDE = re.compile(r"\s*INCLUDE(?=[\s'\"=])\s*=?\s*(.*)", re.IGNORECASE)
 _BEGIN = re.compile(
-    r"\s*BEGIN\b\s*(BULK)?\s*(?:SUPER\s*=?\s*(\d{1,15})(?!\d)|(AUX|ARBMODEL|MASSID|UDS))?", re.IGNORECASE
+    r"\s*BEGIN\b\s*(?:(BULK)\s*)?(?:SUPER\s*(?:=\s*)?(\d{1,15})(?!\d)|(AUX|ARBMODEL|MASSID|UDS))?", re.IGNORECASE
 )
 _ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\b", re.IGNORECASE)
 # A deck of millions of cards is written by a program, not by repetition.
 _MOST_IMAGES = 1_000_000
+_LONGEST_PATH = 4096
 _ELSEWHERE = -1  # section of auxiliary models, which are no part of the body
 
 
@@ -332,7 +333,7 @@ def _include_name(rest: str, text: list[str], after: int, where: str) -> tuple[s
         return rest.split("$", 1)[0].strip(), after
     name = rest[1:]
     while quote not in name:
-        if after == len(text):
+        if after == len(text) or len(name) > _LONGEST_PATH:
             raise ReadError(f"{where}: INCLUDE has no closing quote")
         name = name.rstrip() + text[after].strip()
         after += 1

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.printed_numbers import real_number
+from cmsreduce.read.printed_numbers import real_number, whole_number
 
 __all__ = ["FIELDS_PER_LINE", "IMAGES", "WIDE_FIELDS_PER_LINE", "OpenCard", "image_of"]
 
@@ -116,8 +116,9 @@ def image_of(above: OpenCard | None, fields: Sequence[str], where: str) -> list[
 def _stepped(value: str, step: str, where: str) -> str:
     """A number, zero where it is blank, and a step; integer if both are."""
     value = value or "0"
-    if value.lstrip("+-").isdecimal() and step.lstrip("+-").isdecimal():
-        return str(int(value) + int(step))
+    whole = whole_number(value), whole_number(step)
+    if whole[0] is not None and whole[1] is not None:
+        return str(whole[0] + whole[1])
     number, more = real_number(value), real_number(step)
     if number is None or more is None:
         raise ReadError(f"{where}: '*{step}' steps from the field above it, which is '{value}'")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable
-from cmsreduce.read.nastran.stated.materials import Material, is_isotropic
+from cmsreduce.read.nastran.stated.materials import Material, is_compressible, is_isotropic
 from cmsreduce.read.stated import NotCountedError, are_curved
 
 __all__ = [
@@ -100,7 +100,7 @@ def are_isotropic(faces: Faces, field: int, materials: Mapping[int, Material]) -
 
     def known(card: Card) -> float:
         made = materials.get(card.integer(field))
-        return float(made is not None and is_isotropic(made) and card.text(6) != "PFLUID")
+        return float(made is not None and is_isotropic(made) and is_compressible(made) and card.text(6) != "PFLUID")
 
     return faces.each(known) > 0
 

@@ -10,10 +10,12 @@ import numpy as np
 from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.stated import NotCountedError
 
-__all__ = ["Material", "is_isotropic", "isotropic", "lame_of", "materials_of"]
+__all__ = ["Material", "is_compressible", "is_isotropic", "isotropic", "lame_of", "materials_of"]
 
 # Moduli that contradict each other by more make no isotropic material.
 _ISOTROPIC = 1e-3
+# Beyond any modulus in any units; products with larger ones may overflow.
+_LARGEST = 1e100
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ def materials_of(cards: Cards) -> dict[int, Material]:
         if not card.text(1):
             E = 2 * (1 + nu) * G
         if not card.text(2):
-            G = E / (2 * (1 + nu))
+            G = E / (2 * (1 + nu)) if nu != -1 else np.nan
         if not card.text(3) and G:
             nu = E / (2 * G) - 1
         number = card.integer(0)
@@ -64,6 +66,11 @@ def isotropic(number: int, materials: Mapping[int, Material]) -> Material:
 def is_isotropic(material: Material) -> bool:
     """True if the moduli are those of an isotropic material."""
     return material.E > 0 and abs(2 * material.G * (1 + material.nu) / material.E - 1) <= _ISOTROPIC
+
+
+def is_compressible(material: Material) -> bool:
+    """True if a solid of the material has a finite energy, whatever its units."""
+    return -1 < material.nu < 0.5 and material.E < _LARGEST
 
 
 def lame_of(material: Material) -> float:
