@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import h5py
@@ -29,6 +30,7 @@ from cmsreduce.read import (
 )
 from cmsreduce.read.calculix_abaqus import read_dof_list
 from cmsreduce.write import TARGETS, convert, read_component
+from tests.read.matrices.test_petsc_binary import content
 from tests.read.mutations import samples
 
 __all__ = ["NAMES", "actions", "good_files"]
@@ -40,7 +42,7 @@ NAMES = (
     *("dense.npy", "arrays.npz", "nodes.txt"),
     *("sparse.npz", "mesh.msh", "mesh2.msh", "mesh.vtk", "mesh.vtu", "mesh.xdmf", "mesh.med", "mesh.mesh", "mesh.stl"),
     *("mesh.off", "mesh.ply", "mesh.obj", "mesh.su2", "controller.txt", "controller.csv", "component_beam.h5"),
-    *("summary.json", "pipeline.yaml"),
+    *("summary.json", "pipeline.yaml", "model.inp", "petsc.bin", "modal.fem", "modal.sid"),
 )
 """Names of the files, which say what is in them."""
 
@@ -103,6 +105,49 @@ EXTRN,11,246,3,1,901,THRU,902,0
 GRID,3,,1.,2.,3.
 GRID,11,,4.,5.,6.,10
 SPOINT,901,902
+"""
+_MODEL = """*HEADING
+*NODE, NSET=ALL
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 1., 1., 0.
+4, 0., 1., 0.
+5, 0., 0., 1.
+6, 1., 0., 1.
+7, 1., 1., 1.
+8, 0., 1., 1.
+9, 2., 0., 0.
+10, 3., 0., 0.
+*NSET, NSET=SOME, GENERATE
+1, 7, 2
+*NSET, NSET=MORE
+SOME, 8
+*ELEMENT, TYPE=C3D8, ELSET=BODY
+1, 1, 2, 3, 4, 5, 6, 7, 8
+*ELEMENT, TYPE=MASS, ELSET=POINT
+2, 9
+*ELSET, ELSET=BOTH
+BODY, POINT
+*MATERIAL, NAME=STEEL
+*ELASTIC
+2.1E11, 0.3
+*DENSITY
+7850.
+*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL
+*MASS, ELSET=POINT
+1.5
+*BOUNDARY
+SOME, 2, 3
+*EQUATION
+2
+2, 1, 1., 3, 1, -1.
+*RIGID BODY, NSET=MORE, REF NODE=10, ROT NODE=9
+*STEP
+*FREQUENCY
+10
+*CLOAD
+2, 1, 1.
+*END STEP
 """
 _CONTROLLER = "% gains\nA:\n-1.0 0.5\n0.0 -2.0\nB:\n1.0\n2.0\nC:\n1.0, 0.0\nD:\n0.0\n"
 _MESHES = {
@@ -207,6 +252,11 @@ def good_files(folder: Path) -> dict[str, bytes]:
     good["summary.json"] = (run / "summary.json").read_bytes()
     (folder / "part.yaml").write_text("solver: {threads: 1}\nverify: {frf: {points: 100}}\n")
     good["pipeline.yaml"] = _PIPELINE.encode()
+    good["model.inp"] = _MODEL.encode()
+    good["petsc.bin"] = content(A)
+    for name, target in (("modal.fem", "mbdyn"), ("modal.sid", "sid")):
+        convert(run / "beam.h5", folder / name, target)
+        good[name] = (folder / name).read_bytes()
     return good
 
 
@@ -232,6 +282,11 @@ def actions(path: Path) -> list[Callable[[], object]]:
     found: list[Callable[[], object]] = [lambda: inspected(path)]
     if path.suffix == ".dof":
         return [lambda: read_dof_list(path)]
+    if path.stem == "modal":
+        return found
+    if path.stem == "model":
+        nodes = cache(lambda: read_geometry(path).nodes)
+        return [*found, lambda: read_cells(path), lambda: deck_statement(path, nodes(), np.ones(len(nodes()), bool))]
     if path.suffix == ".bdf":
         body = (path.with_name("beam.op4"), path)
         found += [
