@@ -8,15 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg as la
+from pyyeti.nastran import op4
 
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.balance import elastic_norm, keep_bound, mode_bounds
-from cmsreduce.errors import ConfigError
+from cmsreduce.errors import ConfigError, DampingError
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.choose.ranked import ranking_channels
 from cmsreduce.pipeline.choose.selection import truncate
 from cmsreduce.pipeline.system import AssembledModel, ReducedModel
-from tests.pipeline.study import CANTILEVER
+from tests.pipeline.study import CANTILEVER, arm
 
 
 def model(run: Run, selection: Mapping[str, np.ndarray]) -> ReducedModel:
@@ -123,6 +125,25 @@ def test_modes_by_the_bound_of_their_body(opened: Callable[..., Run], study: Pat
     assert summary["components"]["arm"]["bound"]["asked"] == 0.2 and summary["search"] is None
     # What the bound does not cover is measured.
     assert result.worst()["frf_error"] > 0
+
+
+def test_no_bound_is_proven_of_modes_that_damping_couples(opened: Callable[..., Run], study: Path) -> None:
+    """A damper at an angle between two bending modes of nearly one frequency leaves another motion of them undamped."""
+    body = arm()
+    K, M = body.K.toarray(), body.M.toarray()
+    lam, Phi = la.eigh(K, M)
+    w, MPhi = np.sqrt(lam[6:]), M @ Phi[:, 6:]
+    damper = MPhi @ np.where(np.arange(w.size) < 2, np.sqrt(0.2 * w), 0.0)
+    proportional = 1e-6 * K
+    op4.write(str(study.parent / "damping.op4"), {"DAA": proportional, "DBB": proportional + np.outer(damper, damper)})
+    with_matrix = CANTILEVER.replace("{{modal: 0.01}}", "{{matrix: {{file: damping.op4, matrix: DAA}}}}")
+    assert opened("balance.keep={bound: 0.1}", text=with_matrix).selection["arm"].size > 0
+    # The error was said to be proven to be below 0.098 of the largest response of such a body, and was 0.69.
+    with pytest.raises(DampingError, match=r"body 'arm': balance\.keep\.bound .* its damping matrix couples them"):
+        _ = opened("balance.keep={bound: 0.1}", text=with_matrix.replace("DAA", "DBB")).selection
+    wheel = "    wheels: {{spin: {{at: 3, axis: x, momentum: 0.2 N*m*s}}}}\n    damping"
+    with pytest.raises(DampingError, match="gyroscopic forces or parameters couple them"):
+        _ = opened("balance.keep={bound: 0.1}", text=CANTILEVER.replace("    damping", wheel)).selection
 
 
 def test_a_bound_is_relative_to_no_unit(opened: Callable[..., Run]) -> None:

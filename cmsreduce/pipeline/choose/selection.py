@@ -23,7 +23,7 @@ from cmsreduce.balance import (
     mode_bounds,
 )
 from cmsreduce.config import RankingKeys
-from cmsreduce.errors import ConfigError
+from cmsreduce.errors import ConfigError, DampingError
 from cmsreduce.linalg.blocks import observed
 from cmsreduce.model import BoundRecord, Finding, Measured, ModalChannels, ModalComponent, SearchRecord
 from cmsreduce.pipeline.system import Candidates
@@ -37,6 +37,8 @@ __all__ = ["Choice", "modal_channels", "select", "truncate"]
 _ATTEMPTS = 64
 _NEARLY, _NEAR_MISSES = 1.02, 3
 _MARGIN = 0.999
+# Damping that couples two modes by less than this share of their own is the rounding of a matrix in single precision.
+_UNCOUPLED = 1e-6
 
 
 def modal_channels(component: ModalComponent, ports: Ports) -> ModalChannels:
@@ -230,6 +232,7 @@ def _missed(finding: Finding) -> str:
 def _bounded(components: Mapping[str, ModalComponent], asked: float, channels: Mapping[str, ModalChannels]) -> Choice:
     selection, bounds = {}, {}
     for name, component in components.items():
+        _refuse_coupled(component)
         body = channels[name]
         kept, size = keep_bound(body, asked), elastic_norm(body)
         left_out = body.only(np.setdiff1d(np.arange(body.count), kept))
@@ -237,6 +240,24 @@ def _bounded(components: Mapping[str, ModalComponent], asked: float, channels: M
         selection[name] = component.elastic.start + kept
         bounds[name] = BoundRecord(asked, bound / size if size else 0.0, elastic_norm(left_out) / size if size else 0.0)
     return Choice(selection, bounds=bounds)
+
+
+def _refuse_coupled(component: ModalComponent) -> None:
+    """Refuse a bound where the response is no sum over modes, each by itself."""
+    coupling = ""
+    if component.D is not None:
+        damping = component.D.diagonal()
+        # Motions that nothing damps have its rounding.
+        own = np.sqrt(np.maximum(damping, _UNCOUPLED * damping.max(initial=0.0)))
+        coupled = abs(component.D - np.diag(damping)) > _UNCOUPLED * np.outer(own, own)
+        coupling = "its damping matrix couples" if coupled.any() else ""
+    if component.terms:
+        coupling = "gyroscopic forces or parameters couple"
+    if coupling:
+        raise DampingError(
+            f"body '{component.name}': balance.keep.bound adds up the responses of modes that move independently, but "
+            f"{coupling} them. Keep by `limits` or `frf_error`, which measure the response, or by `modes` or `fraction`"
+        )
 
 
 def truncate(
