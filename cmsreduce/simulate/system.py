@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import SceneError, SimulationError
 from cmsreduce.simulate.equations import CLOSED, IMPLIED, PROJECTIONS, Equations, multipliers
 from cmsreduce.simulate.joints import Frame
+from cmsreduce.simulate.movements import JointMotion
 
 __all__ = ["MultibodySystem"]
 
@@ -41,8 +42,9 @@ class MultibodySystem(Equations):
         base : (body, (3,), (3,)), optional
             A body, and velocity and angular velocity of its frame, along the axes of the scene.
         modes : mapping of body to (k,), optional
-            Modal coordinates at the start; bodies are deformed at rest, and placed so that their joints close. Where
-            no place of the bodies closes them, as in some loops, the nearest modal coordinates that do are taken.
+            Modal coordinates at the start; bodies are deformed at rest, and placed so that their joints close with the
+            values of the configuration. Where no place of the bodies does this, as in some loops, the free motions of
+            joints are not held; where the joints still do not close, the nearest modal coordinates that do are taken.
 
         Raises
         ------
@@ -55,6 +57,8 @@ class MultibodySystem(Equations):
                 raise SceneError(f"body '{self.bodies[number].name}' has {self.bodies[number].k} modes, not {q.size}")
             y[self.modal[number]] = q
         y = self.projected(self._placed(y) if modes else y)
+        if modes:
+            y[self.values] += self._moved(y)
         frames = self.frames(y)
         moving = self._moving(frames)
         _, G, _ = self._constraints(moving)
@@ -83,15 +87,33 @@ class MultibodySystem(Equations):
 
     def _placed(self, y: Array) -> Array:
         """The state with bodies moved as rigid ones until their joints close; as it is where they do not close so."""
-        placed = y.copy()
-        for _ in range(PROJECTIONS):
-            frames = self.frames(placed)
-            value, G, _ = self._constraints(self._moving(frames))
-            if not value.size or np.abs(value / self._sizes).max() <= CLOSED:
-                return placed
-            masses = self._rigid(frames, G)
-            self._move(placed, frames, self._shortest(masses, G, -value))
+        joints = [
+            i for i, movement in enumerate(self.movements) if all(isinstance(t, JointMotion) for t in movement.terms)
+        ]
+        for held in (joints, []):
+            placed = y.copy()
+            for _ in range(PROJECTIONS):
+                frames = self.frames(placed)
+                moving = self._moving(frames)
+                value, G, _ = self._constraints(moving)
+                if not value.size or np.abs(value / self._sizes).max() <= CLOSED:
+                    return placed
+                A = np.vstack([G, self.movement_rows(frames, moving)[held]])
+                off = np.concatenate([value, self._moved(placed)[held]])
+                self._move(placed, frames, self._shortest(self._rigid(frames, A), A, -off))
         return y
+
+    def _moved(self, y: Array) -> Array:
+        """Changes of the movements (movements,) from the start to a state that is not far: by their mean rates."""
+        from scipy.spatial.transform import Rotation
+
+        ends, step = (self.frames(self._start), self.frames(y)), np.zeros(self.n)
+        for own, f, g in zip(self.speeds, ends[0][:-1], ends[1][:-1], strict=True):
+            turn = Rotation.from_matrix(f.R.T @ g.R).as_rotvec()
+            half = f.R @ Rotation.from_rotvec(turn / 2).as_matrix()
+            step[own] = np.concatenate([half.T @ (g.x - f.x), turn, g.q - f.q])
+        rows = [self.movement_rows(frames, self._moving(frames)) for frames in ends]
+        return np.asarray((rows[0] + rows[1]) @ step / 2)
 
     def energies(self, y: Array) -> tuple[float, float]:
         """Kinetic energy, and potential of strain, springs and gravity."""

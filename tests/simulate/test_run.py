@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import scipy.linalg as la
 
 import cmsreduce as cms
 from cmsreduce.config import load_pipeline
@@ -39,6 +40,7 @@ reduce: {{method: craig-bampton, cutoff: 15}}
 balance: {{rank: frequency, keep: {{modes: 2}}}}
 write: {{formats: [hdf5]}}
 """
+PROBE = "probe: {{at: panel.4, measure: z}}, angle: {{"
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +75,31 @@ def test_modal_coordinates_at_the_start_are_those_asked_for(run_dir: Path) -> No
         np.testing.assert_allclose(motion.modal[name][0], q, rtol=1e-12)
     gap = motion.point("arm", 5) - motion.point("panel", 1)
     assert abs(gap).max() < 1e-12
+
+
+def test_bent_bodies_let_go_move_as_the_assembled_system_does(tmp_path: Path) -> None:
+    """Sensors begin at the deflections, and the spring of the hinge is at rest; both began at zero, bent or not."""
+    for body in (arm(), panel()):
+        write_body(tmp_path, body)
+    text = PIPELINE.replace("free: [ry]}}", "free: [ry], stiffness: {{ry: 300}}}}").replace("angle: {{", PROBE)
+    path = tmp_path / "pair.yaml"
+    path.write_text(text.format(output=tmp_path / "out"))
+    pipeline = load_pipeline(path)
+    execute(Run(pipeline, pipeline.output, Silent()), path, report=False)
+    shapes = {"arm": [2e-5, -1e-5], "panel": [3e-5, 2e-5]}
+    motion = cms.simulate(tmp_path / "out", 0.02, modes=shapes, points=10)
+    with h5py.File(tmp_path / "out" / "system.h5") as file:
+        K, M, C, T = (file[f"configuration_0/{name}"][()] for name in ("K", "M", "C1", "T"))
+    # Six rigid motions, then the elastic modes of each body.
+    elastic = np.r_[6:8, T.shape[0] // 2 + 6 : T.shape[0] // 2 + 8]
+    lam, X = la.eigh(K, M)
+    lam[:6] = 0.0
+    # At the deflections, the hinge not turned, and no rigid motion of both.
+    rows = np.vstack([T[elastic] @ X, C[4:] @ X])
+    a = np.linalg.solve(rows[:, 6:], [*shapes["arm"], *shapes["panel"], 0.0])
+    expected = (C[3:] @ X[:, 6:]) @ (a[:, None] * np.cos(np.sqrt(lam[6:, None]) * motion.time))
+    for name, values in zip(("probe", "angle"), expected, strict=True):
+        np.testing.assert_allclose(motion.sensors[name], values, rtol=0, atol=2e-3 * abs(values).max())
 
 
 def test_a_slew_conserves_what_it_should(run_dir: Path) -> None:
