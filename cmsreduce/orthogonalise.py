@@ -83,7 +83,8 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
     omega = np.concatenate([np.zeros(r), w, np.full(s, np.inf)])
     if D is not None:
         refuse_gain(body, Phi, D, omega)
-    refuse_overdamped(body, w, zeta)
+    if D is None or not _vibrates(D[r : m - s, r : m - s], w):
+        refuse_overdamped(body, w, zeta)
     kind, source = _origin(component, X, N)
     rank, condition = _rank_and_condition(component)
     return ModalComponent(
@@ -106,6 +107,15 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
         certificate=modes.certificate,
         terms=_modal_terms(body, Phi, r),
     )
+
+
+def _vibrates(D: Array, w: Array) -> bool:
+    """True if a motion of coupled modes (e, e) oscillates, though each mode may be damped beyond critical.
+
+    Of a motion W^-1/2 y the energies are y^T W y and y^T W^-1 y, whose product is at least (y^T y)^2.
+    """
+    size = np.sqrt(w)
+    return bool(np.linalg.eigvalsh(D / np.outer(size, size)).min(initial=np.inf) < 2)
 
 
 def _modal_terms(body: FEModel, Phi: Array, r: int) -> tuple[ParameterTerm, ...]:

@@ -8,7 +8,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.assemble import modal_substructure, receptances
-from cmsreduce.errors import MatrixError
+from cmsreduce.errors import DampingError, MatrixError
 from cmsreduce.model import SCALAR, Damping, DofTable, FEModel, ModeSet
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, project
@@ -121,6 +121,18 @@ def hung(damping: Damping | None = None, D: np.ndarray | None = None, light: flo
     dofs = DofTable(np.array([1, 2]), np.full(2, SCALAR))
     D = None if D is None else sp.csc_array(D)
     return FEModel("hung", sp.csc_array(K), sp.csc_array(M), dofs, damping=damping or Damping(), D=D, grounded=True)
+
+
+def test_a_damper_that_locks_two_points_leaves_them_a_vibration() -> None:
+    """Both modes by themselves are beyond critical; the two masses vibrate as one."""
+    lock = 1e3 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    modes = orthogonalise(CraigBampton(100.0).reduce(hung(D=lock, light=0.5), [1]))
+    assert (modes.zeta > 1).all()
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag(modes.omega**2), -modes.D]])
+    assert abs(la.eigvals(A).imag).max() == pytest.approx(np.sqrt(WALL / (MASS + 0.5)), rel=1e-3)
+    # The same ratios without a motion that is spared.
+    with pytest.raises(DampingError, match="damps every elastic mode beyond critical"):
+        orthogonalise(CraigBampton(100.0).reduce(hung(D=lock + 100 * np.eye(2), light=0.5), [1]))
 
 
 OMEGA = np.array([1e-3, 3.0, 12.2, 40.0])

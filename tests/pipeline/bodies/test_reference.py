@@ -7,6 +7,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from cmsreduce.assemble import body_points, body_ports, frequency_response, modal_substructure, physical_substructure
 from cmsreduce.model import Damping, Point, Scene
@@ -62,6 +63,28 @@ def test_static_responses_to_the_inertia_of_static_shapes_bring_the_response_nea
     assert found < 5e-5
     assert found < plain / 3
     assert assembled(found_modes).m == less.omega.size + 13
+
+
+@pytest.mark.parametrize("strength", [3e4, 1e7])
+def test_damped_modes_stand_in_for_a_body_with_dampers(bar, monkeypatch, strength: float) -> None:
+    """Dampers between points that no load acts on: in normal modes both models lacked the same motions."""
+    rows = np.zeros((bar.n, 2))
+    for column, nodes in enumerate(((40, 85), (60, 120))):
+        ends = bar.dofs.rows(nodes[0], np.arange(1, 4)), bar.dofs.rows(nodes[1], np.arange(1, 4))
+        along = np.diff(bar.nodes.xyz[bar.nodes.index(np.array(nodes))], axis=0)[0]
+        rows[ends[0], column], rows[ends[1], column] = -along, along
+    damped = replace(bar, damping=Damping(), D=sp.csc_array(1e-7 * bar.K + strength * (rows @ rows.T)))
+    ports, rigid, points = body_ports(damped, SCENE), rigid_modes(bar), body_points(SCENE, bar)
+    monkeypatch.setattr(references, "SPARSE_LIMIT", 0)
+    found = references.reference(damped, ports, rigid, CUTOFF_HZ)
+    assert found.label == "modes to 2 x cutoff"
+    omega = 2 * np.pi * np.geomspace(20.0, BAND_HZ, 120)
+    exact, own = (
+        frequency_response({"bar": sub}, SCENE, SCENE.configurations[0], omega)
+        for sub in (physical_substructure(damped, points, rigid), modal_substructure(found.modes, points))
+    )
+    error = frf_error(omega, exact, own, *channel_scales(SCENE.actuators, SCENE.sensors, exact, exact))
+    assert error < 1e-7
 
 
 def test_bodies_that_are_too_many_together_have_no_modes_to_spare(bar) -> None:
