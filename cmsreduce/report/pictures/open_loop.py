@@ -72,11 +72,12 @@ def nichols_picture(run: RunResult, path: Path, configuration: int, channel: tup
     loop = _loop(run, configuration, channel)
     with drawn(path, (6.8, 5.6)) as figure:
         axes = figure.subplots()
+        # Loops of one turn lie between -360 and 0 degrees, so that -1 is at -180, and both models in one turn.
+        first = np.degrees(np.angle(loop.full[:1])) - 2 * _HALF_TURN * (np.angle(loop.full[:1]) > 0)
         for values, style, label in _curves(run, loop):
-            phase = np.degrees(np.unwrap(np.angle(values))) if values.size else np.empty(0)
-            # Loops of one turn lie between -360 and 0 degrees, so that -1 is at -180.
-            start = 0.0 if not phase.size else 2 * _HALF_TURN * np.ceil(phase[0] / (2 * _HALF_TURN))
-            axes.plot(phase - start, decibels(values), label=label, **line_of(style))
+            phase = np.degrees(np.unwrap(np.angle(values)))
+            turns = np.round((phase[:1] - first) / (2 * _HALF_TURN))
+            axes.plot(phase - 2 * _HALF_TURN * turns, decibels(values), label=label, **line_of(style))
         axes.set(xlabel="phase, deg", ylabel="gain, dB", title=literal(loop.title))
         if loop.closed:
             _critical(axes, -_HALF_TURN, 0.0)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import ControllerMargin
@@ -100,6 +101,20 @@ def test_the_open_loop_of_a_controller(make_run, tmp_path: Path) -> None:
         text = (tmp_path / f"{name}.svg").read_text()
         for word in ("-1", axis, "open loop of the controller, spin=0", "full", "reduced"):
             assert f"<!-- {word} -->" in text, (name, word)
+
+
+def test_both_models_lie_in_one_turn_of_the_nichols_picture(make_run, tmp_path: Path, monkeypatch) -> None:
+    """Static gains that round to either side of the positive axis: the curves were 360 degrees apart."""
+    hz = np.linspace(0.1, 10.0, 60)
+    loop = 2 / (1 - (hz / 3) ** 2 + 0.02j * hz)
+    loop[0], near = 2 - 1e-9j, loop.copy()
+    near[0] = 2 + 1e-9j
+    margin = ControllerMargin("spin=0", hz, 0.1 * np.ones(60), np.ones(60), 0, (near, loop))
+    drawn, plot = list[np.ndarray](), Axes.plot
+    monkeypatch.setattr(Axes, "plot", lambda axes, x, *rest, **how: (drawn.append(x), plot(axes, x, *rest, **how))[1])
+    figure_pictures(replace(make_run(), margins=(margin,)))["nichols"](tmp_path / "nichols.svg")
+    full, reduced = (x for x in drawn if len(x) == hz.size)
+    np.testing.assert_allclose(full, reduced, atol=1e-6)
 
 
 def test_bode_is_the_worst_channel_at_its_worst_configuration(make_run, tmp_path: Path) -> None:
