@@ -67,7 +67,7 @@ def system_modes(system: System, omega: float) -> tuple[Real, Real]:
     try:
         if sp.issparse(system.K):
             return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid, rounding=system.rounding)
-        if system.N > _SEARCHED and (found := _few(system, omega)) is not None:
+        if system.N > _SEARCHED and np.isfinite(omega) and (found := _few(system, omega)) is not None:
             return found
         lam, X = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
     except UndeterminedError as error:
@@ -81,7 +81,7 @@ def _few(system: System, omega: float) -> tuple[Real, Real] | None:
     K, M = sp.csc_array(system.K), sp.csc_array(system.M)
     # The dense solver names the motion that has neither mass nor stiffness.
     with suppress(MatrixError):
-        count = count_below(K, M, omega, system.rigid.shape[1]) if np.isfinite(omega) else None
+        count = count_below(K, M, omega, system.rigid.shape[1])
         if count is not None and count <= _SHARE * system.N:
             found = certified_modes(K, M, omega, rigid=system.rigid, count=count, rounding=system.rounding)
             return found.omega, found.Phi

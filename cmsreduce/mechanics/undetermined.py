@@ -20,8 +20,11 @@ __all__ = ["Determined", "check_connected", "hold_undetermined", "parts"]
 
 # A singular matrix has a pivot of the size of the rounding of its diagonal entry; above this one, no search is needed.
 _SOUND_PIVOT = 1e-6
-# Relative to the largest motion: dofs that move less are at rest.
+# Relative to the largest motion: dofs that move less are at rest, and so is a mass whose momentum is less.
 _AT_REST = 1e-6
+# Least pivot, relative to the largest, of six translations that determine a rigid motion: along a line there are five,
+# and coordinates of seven digits leave the sixth a pivot of 1e-7.
+_INDEPENDENT = 1e-6
 # Of the stiffness of the dof that a spring holds: firm beside the rounding, and soft beside the body.
 _SPRING = 1e-3
 # Rigid motions of a body that is free in all directions.
@@ -249,7 +252,7 @@ def _springs_to_the_rest(
     if others.size < _ALL_MOTIONS:
         return None
     factor, order = la.qr(R[others].T, mode="r", pivoting=True)
-    if abs(factor[-1, _ALL_MOTIONS - 1]) <= _AT_REST * abs(factor[0, 0]):
+    if abs(factor[-1, _ALL_MOTIONS - 1]) <= _INDEPENDENT * abs(factor[0, 0]):
         return None
     six = others[order[:_ALL_MOTIONS]]
     k = chosen.size

@@ -166,9 +166,11 @@ def refuse_undetermined(terms: Sequence[ParameterTerm], determined: Determined) 
     MatrixError
         Names a dof on which it acts.
     """
-    body, N = determined.body, determined.motions * determined.moved[:, None]
-    if not set(determined.held) & set(body.dofs.labels):
+    # Motions that are held to the ground have no rows any more.
+    body = determined.body
+    if not terms or not determined.motions.shape[1] or not set(determined.held) & set(body.dofs.labels):
         return
+    N = determined.motions * determined.moved[:, None]
     for term in terms:
         A = sp.csr_array(term.matrix)
         force = abs(A @ N).max(axis=1)
