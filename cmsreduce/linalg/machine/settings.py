@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from operator import is_
 from pathlib import Path
+from threading import RLock
 from typing import Any, Literal
 
 import numpy as np
@@ -58,11 +59,13 @@ _FEW_ROWS = 4096
 class KnownOrders:
     """Fill-reducing orders found so far: K, K - sigma M at any shift and later matrices of one pattern share one order.
 
-    Orders stay in their process; a copy that is sent to another process starts empty.
+    Orders stay in their process; a copy that is sent to another process starts empty. Threads that work on several
+    bodies share them.
     """
 
     def __init__(self) -> None:
         self._orders: dict[int, NDArray[Any]] = {}
+        self._lock = RLock()
 
     def __reduce__(self) -> tuple[type[KnownOrders], tuple[()]]:
         return type(self), ()
@@ -73,57 +76,65 @@ class KnownOrders:
 
     def of_rows(self, n: int) -> NDArray[Any] | None:
         """Newest order of a pattern of n rows, which has more fill for another pattern; None if there is none."""
-        return next((order for order in reversed(self._orders.values()) if order.size == n), None)
+        with self._lock:
+            return next((order for order in reversed(self._orders.values()) if order.size == n), None)
 
     def store(self, starts: NDArray[Any], indices: NDArray[Any], order: NDArray[Any]) -> None:
         """Store the order (n,) of a pattern, and drop the oldest orders."""
-        self._orders[_fingerprint(starts, indices)] = order
-        while len(self._orders) > 1 and sum(each.nbytes for each in self._orders.values()) > _ORDERS:
-            del self._orders[next(iter(self._orders))]
+        with self._lock:
+            self._orders[_fingerprint(starts, indices)] = order
+            while len(self._orders) > 1 and sum(each.nbytes for each in self._orders.values()) > _ORDERS:
+                del self._orders[next(iter(self._orders))]
 
 
 class KnownFactors:
     """Factors that another step of a run asks for again, such as that of a body held against its rigid motions.
 
-    They stay in their process, as orders do.
+    They stay in their process, as orders do. Bodies with like matrices share one, in several threads at once.
     """
 
     def __init__(self) -> None:
         self._factors: dict[bytes, tuple[Any, float, Any]] = {}
+        self._lock = RLock()
 
     def __reduce__(self) -> tuple[type[KnownFactors], tuple[()]]:
         return type(self), ()
 
     def find(self, entries: Sequence[NDArray[Any]]) -> Any | None:
         """Factor of a matrix in compressed form, given by its arrays; None if none is kept."""
-        return self._factors[digest][0] if self._factors and (digest := _digest(entries)) in self._factors else None
+        return self._factors.get(_digest(entries), (None,))[0] if self._factors else None
 
     def store(self, entries: Sequence[NDArray[Any]], factor: Any, size: float, limit: float, inner: Any = None) -> None:
         """Keep a factor of ``size`` bytes; the oldest go when all of them exceed their share of ``limit`` bytes.
 
         A factor that holds another one, ``inner``, is kept as long as that one is.
         """
-        self.make_room(size, limit)
-        if size <= _KEPT_SHARE * limit and (inner is None or inner in self):
-            self._factors[_digest(entries)] = factor, size, inner
+        digest = _digest(entries)
+        with self._lock:
+            self.make_room(size, limit)
+            if size <= _KEPT_SHARE * limit and (inner is None or inner in self):
+                self._factors[digest] = factor, size, inner
 
     def make_room(self, size: float, limit: float) -> None:
         """Drop the oldest factors until one of ``size`` bytes may be kept beside others; none if it is too large."""
         most = _KEPT_SHARE * limit
-        while size <= most < size + sum(kept[1] for kept in self._factors.values()):
-            self.drop(partial(is_, next(iter(self._factors.values()))[0]))
+        with self._lock:
+            while size <= most < size + sum(kept[1] for kept in self._factors.values()):
+                self.drop(partial(is_, next(iter(self._factors.values()))[0]))
 
     def drop(self, unwanted: Callable[[Any], bool]) -> None:
         """Drop some factors, and those that hold them."""
-        gone = [factor for factor, *_ in self._factors.values() if unwanted(factor)]
-        self._factors = {
-            key: (factor, size, inner)
-            for key, (factor, size, inner) in self._factors.items()
-            if not any(factor is each or inner is each for each in gone)
-        }
+        with self._lock:
+            gone = [factor for factor, *_ in self._factors.values() if unwanted(factor)]
+            self._factors = {
+                key: (factor, size, inner)
+                for key, (factor, size, inner) in self._factors.items()
+                if not any(factor is each or inner is each for each in gone)
+            }
 
     def __contains__(self, factor: Any) -> bool:
-        return any(kept is factor for kept, *_ in self._factors.values())
+        with self._lock:
+            return any(kept is factor for kept, *_ in self._factors.values())
 
 
 def _digest(entries: Sequence[NDArray[Any]]) -> bytes:

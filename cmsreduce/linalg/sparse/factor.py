@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 import scipy.sparse as sp
@@ -78,6 +79,8 @@ class Factor(ABC):
         self.n = int(A.shape[0])
         self.diagonal: NDArray[np.float64] = A.diagonal()
         self.cost = cost
+        # Bodies that are reduced at once may share the factor of like matrices; most solvers write into their factor.
+        self._in_use = Lock()
 
     def __call__(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solve A x = b for one column or a block, `BLOCK` columns at a time.
@@ -95,14 +98,18 @@ class Factor(ABC):
         if not b.size:
             return np.zeros(b.shape)
         if b.ndim == 1:
-            return self._solve(b[:, None])[:, 0]
+            return self._alone(b[:, None])[:, 0]
         if b.shape[1] <= BLOCK:
-            return self._solve(b)
+            return self._alone(b)
         x = np.empty(b.shape, order="F")
         for start in range(0, b.shape[1], BLOCK):
             part = slice(start, start + BLOCK)
-            x[:, part] = self._solve(by_columns(b[:, part]))
+            x[:, part] = self._alone(by_columns(b[:, part]))
         return x
+
+    def _alone(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        with self._in_use:
+            return self._solve(b)
 
     @abstractmethod
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:

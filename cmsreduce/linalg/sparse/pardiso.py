@@ -134,7 +134,9 @@ class Pardiso(Factor):
     def pivots(self) -> NDArray[np.float64]:
         """Pivots in the matrix's own row order (n,); the diagonal of a pivot of two rows."""
         eliminated = np.empty(self.n, self._real)
-        if code := pardiso_pivots(self._handle, eliminated):
+        with self._in_use:
+            code = pardiso_pivots(self._handle, eliminated)
+        if code:
             raise _failure("gives no pivots", code)
         pivots = np.empty(self.n)
         pivots[self._order] = eliminated

@@ -159,13 +159,14 @@ class ReadStages:
         Much of the work on one body takes one thread: two bodies of 85 000 dofs at once take a quarter less time, of
         295 000 dofs no less, and half as much memory again. What is left is for the caller to do body by body: large
         ones, one that would have no other beside it, and all of them where the pipeline states a number of threads,
-        where processes share the bodies, and where memory is short.
+        where processes share the bodies, where memory is short, and with MUMPS, whose processes take one order at once.
         """
-        if self.stages.solver.threads is not None or self.stages.common is not None:
+        solver = self.stages.solver
+        if solver.threads is not None or solver.backend == "mumps" or self.stages.common is not None:
             return
         bytes_of = {name: file_size(self.pipeline, name) for name in names}
         small = [name for name in names if bytes_of[name] <= _LARGE]
-        threads = self.stages.solver.thread_count
+        threads = solver.thread_count
         last = len(small) - len(small) % threads
         for some in (small[:last], small[last:]):
             count = min(threads, len(some))

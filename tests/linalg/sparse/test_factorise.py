@@ -1,6 +1,7 @@
 """Sparse factors of every installed solver, compared with dense algebra."""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 
@@ -11,8 +12,8 @@ import scipy.sparse as sp
 from threadpoolctl import threadpool_limits
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.machine import SolverSettings, solver_settings
-from cmsreduce.linalg.machine.settings import KnownOrders
+from cmsreduce.linalg.machine import SolverSettings, allowed_threads, solver_settings
+from cmsreduce.linalg.machine.settings import KnownFactors, KnownOrders
 from cmsreduce.linalg.sparse import (
     BLOCK,
     InsufficientMemoryError,
@@ -331,6 +332,40 @@ def test_two_threads_give_what_one_gives(backend):
     (x, log_det), (x2, log_det2) = found
     np.testing.assert_allclose(x2, x, rtol=0, atol=1e-12 * abs(x).max())
     assert log_det2 == pytest.approx(log_det, rel=1e-14)
+
+
+def test_bodies_worked_on_at_once_share_the_factor_of_like_matrices(backend):
+    """PARDISO, MUMPS and CHOLMOD write into a factor while they solve: two solves at once gave garbage, or an abort."""
+    A = block("plate", (1.0, 1.0, 0.1), (16, 16, 2), held=range(1, 60)).K
+    rng = np.random.default_rng(8)
+    loads = [rng.standard_normal((A.shape[0], 12)) for _ in range(24 if backend == "pardiso" else 4)]
+    factor = factorise(A)
+    with allowed_threads(1), ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(factor, loads))
+    for x, b in zip(found, loads, strict=True):
+        assert np.linalg.norm(A @ x - b) < 1e-8 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("kept", [KnownFactors, KnownOrders])
+def test_threads_store_and_drop_what_is_known_at_once(kept):
+    known, arrays = kept(), [np.arange(k, k + 40, dtype=np.int32) for k in range(60)]
+
+    def work(k: int) -> None:
+        for own in arrays[k:] + arrays[:k]:
+            if isinstance(known, KnownFactors):
+                known.store([own], own, 1.0, 20.0)
+                known.find([own])
+            else:
+                known.store(own, own, own)
+                known.of_rows(k)
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(work, range(60)))
+    if isinstance(known, KnownFactors):
+        # They may take a quarter of the limit.
+        assert sum(known.find([own]) is own for own in arrays) == 5
+    else:
+        assert all(known.find(own, own) is own for own in arrays)
 
 
 def test_without_a_library_small_matrices_load_no_compiled_loops(monkeypatch):
