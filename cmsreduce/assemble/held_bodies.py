@@ -1,4 +1,4 @@
-"""Bodies held by the ground in their own coordinates, so that the ground needs no joint forces."""
+"""Bodies as responses need them: held by the ground in their own coordinates, moved only where the scene holds them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class HeldBodies:
     Parameters
     ----------
     stack : PointStack
-        Their points, in the same order as without the ground.
+        Their points, in the same order as without the ground. Points that the scene does not name stand still.
     names : frozenset of str
         Bodies that are held.
     """
@@ -51,7 +51,7 @@ class HeldBodies:
 
 
 def held_bodies(stack: PointStack, scene: Scene, *, in_modes: bool = True) -> HeldBodies:
-    """Remove the motions that the ground locks from the coordinates of the bodies.
+    """Remove the motions that the ground locks from the coordinates of the bodies, and those of points without use.
 
     If redundant constraints are dropped, no body is held: a motion that a joint and the ground lock twice, to the
     digits of a deck, would leave a row of these digits.
@@ -74,7 +74,26 @@ def held_bodies(stack: PointStack, scene: Scene, *, in_modes: bool = True) -> He
     held = {name: rows for name, rows in locked.items() if _pays(bodies[name], len(rows), in_modes)}
     for name, rows in held.items():
         bodies[name] = _held(bodies[name], stack.motions(name), np.array(rows))
-    return HeldBodies(PointStack(bodies), frozenset(held))
+    return HeldBodies(PointStack({name: _named_only(sub, scene) for name, sub in bodies.items()}), frozenset(held))
+
+
+def _named_only(sub: Substructure, scene: Scene) -> Substructure:
+    """Body without the motions of points that the scene does not name: an interface kept for later has hundreds."""
+    if sub.name not in scene.bodies:
+        # A body of a joint: all its points are joined.
+        return sub
+    named: set[str] = set()
+    for point in scene.points():
+        if point.body == sub.name:
+            face = sub.interfaces.get(point.name)
+            named.update([point.name] if face is None else sub.point_labels(face))
+    if named.issuperset(sub.motion):
+        return sub
+    motion = {
+        label: rows if label in named else sp.csc_array(rows.shape) if sp.issparse(rows) else np.zeros(rows.shape)
+        for label, rows in sub.motion.items()
+    }
+    return replace(sub, motion=motion)
 
 
 def _pays(sub: Substructure, locked: int, in_modes: bool) -> bool:
