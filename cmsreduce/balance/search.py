@@ -67,6 +67,8 @@ class Found:
     truncated : mapping of ranking to int
         Elastic modes that each ranking keeps if it is cut where it first meets the limit. A ranking that needs more
         modes than one before it is not followed to its end and is missing here.
+    passed : tuple of sets of int
+        Sets that met the limit on the way to this one, as numbers of groups of modes.
     """
 
     selection: Selection
@@ -75,6 +77,7 @@ class Found:
     tried: int
     nearest: Selection | None
     truncated: Mapping[str, int]
+    passed: tuple[frozenset[int], ...] = ()
 
 
 def keep_error(
@@ -84,6 +87,7 @@ def keep_error(
     limit: float,
     among: Selection | None = None,
     below: int | None = None,
+    after: Found | None = None,
 ) -> Found:
     """Search for the fewest modes with which the measure of the assembled system meets a limit.
 
@@ -103,13 +107,16 @@ def keep_error(
         Modes to choose among; all by default.
     below : int, optional
         Only fewer modes than this are of use: no exchanges follow where they would have to leave out half of them.
+    after : Found, optional
+        Result of the same search that the judge refuses by now: the search goes on from the last set on the way to it
+        that meets the limit.
 
     Raises
     ------
     ConfigError
         If all modes together do not meet the limit.
     """
-    return _Search(components, judge, limit, among).run(rankings, below)
+    return _Search(components, judge, limit, among).run(rankings, below, after)
 
 
 def keep_cheapest(
@@ -166,14 +173,23 @@ class _Search:
         self.sets = ModeGroups(components, among)
         self.errors: dict[frozenset[int], float] = {}
         self.limits: dict[frozenset[int], float] = {}
+        self.passed: list[frozenset[int]] = []
 
-    def run(self, rankings: Mapping[str, Mapping[str, Array]], below: int | None = None) -> Found:
+    def run(
+        self, rankings: Mapping[str, Mapping[str, Array]], below: int | None = None, after: Found | None = None
+    ) -> Found:
         everything = frozenset(range(len(self.sets.groups)))
         if self._error(everything, np.inf) > self.limit:
             finding, modes = self.judge.critical(self.sets.selection(everything)), int(self.sets.sizes.sum())
             raise ConfigError(unreachable(finding, modes, all_of_them=self.every, kinds=self.sets.kinds))
         best = everything
         truncated: dict[str, int] = {}
+        if after is not None:
+            self.passed = list(after.passed)
+            while self.passed and not self._passes(self.passed[-1]):
+                self.passed.pop()
+            best = self.passed[-1] if self.passed else everything
+            rankings, truncated = {}, dict(after.truncated)
         for name, coefficients in rankings.items():
             for order in self.sets.orders(coefficients):
                 first = self._first_passing(order, everything if not truncated else best)
@@ -184,15 +200,14 @@ class _Search:
         if below is None or self.sets.modes(kept) < _HOPELESS * below:
             kept = self._settled(kept)
             # Starting from all modes often gives the same; exchanges follow only where it gives fewer.
-            other = self._pruned(everything)
+            other = self._pruned(everything) if after is None else kept
             if self.sets.modes(other) < self.sets.modes(kept):
                 kept = self._settled(other)
             while (fewer := self._smaller(kept)) is not None:
                 kept = fewer
         nearest = self._nearest(kept)
-        return Found(
-            self.sets.selection(kept), self.errors[kept], self.sets.modes(kept), len(self.errors), nearest, truncated
-        )
+        modes, passed = self.sets.modes(kept), tuple(self.passed)
+        return Found(self.sets.selection(kept), self.errors[kept], modes, len(self.errors), nearest, truncated, passed)
 
     def _nearest(self, kept: frozenset[int]) -> Selection | None:
         """The set without one group more that breaks the limit least."""
@@ -224,6 +239,7 @@ class _Search:
     def _settled(self, kept: frozenset[int]) -> frozenset[int]:
         """Exchange and leave out modes until nothing is gained."""
         while (fewer := self._descended(kept)) is not None:
+            self.passed.append(kept)
             kept = self._pruned(fewer)
         return kept
 
@@ -242,6 +258,7 @@ class _Search:
             found = next((fewer for fewer in trials if self._passes(fewer)), None)
             if found is None:
                 break
+            self.passed.append(kept)
             kept = found
         return kept
 

@@ -125,6 +125,33 @@ def test_never_more_than_any_ranking_cut_off_and_as_few_as_there_can_be():
         assert found.modes == fewest
 
 
+def test_after_a_refusal_the_search_goes_on_to_as_few_as_there_can_be():
+    """A result that its judge refuses, again and again; against every set there is, with fewer predictions."""
+    rng, predictions = np.random.default_rng(17), {"on": 0, "anew": 0}
+    for _ in range(5):
+        body = {"bar": component("bar", 0, rng.random(9).tolist())}
+        terms = {("bar", k): rng.standard_normal(12) * rng.choice([0.06, 0.6]) for k in range(9)}
+        refused: set[tuple[int, ...]] = set()
+
+        class Refusing(Vectors):
+            def error(self, selection, limit=np.inf, refused=refused):
+                return np.inf if tuple(selection["bar"].tolist()) in refused else super().error(selection, limit)
+
+            def effects(self, selection, changes):
+                predictions[self.kind] += 1
+                return super().effects(selection, changes)
+
+        judge, found = Refusing(terms), None
+        for _ in range(4):
+            for judge.kind, earlier in (("anew", None), ("on", found)):
+                found = keep_error(body, ranked(body), judge, 0.6, after=earlier)
+            sets = (s for k in range(10) for s in combinations(range(9), k))
+            fewest = next(len(s) for s in sets if judge.error({"bar": np.array(s, dtype=int)}) <= 0.6)
+            assert found.modes == fewest and judge.error(found.selection) == found.error <= 0.6
+            refused.add(tuple(found.selection["bar"].tolist()))
+    assert predictions["on"] < 0.8 * predictions["anew"]
+
+
 @pytest.mark.parametrize("size", [2, 3])
 def test_modes_that_cancel_together_are_left_out_together(size: int) -> None:
     """Any part of a group is missed far beyond the limit, the whole group is not; against every set there is."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from cmsreduce.assemble import Ports
 from cmsreduce.balance import (
+    Found,
     Selection,
     elastic_norm,
     keep_all,
@@ -31,9 +32,9 @@ from cmsreduce.pipeline.system import Candidates
 __all__ = ["Choice", "modal_channels", "select", "truncate"]
 
 # The search runs on the grid of the model with all modes, which serves the peaks of that model. A model that misses the
-# limit on a grid of its own is refused, and the search runs again. Once more than three have missed it by no more than
-# this factor, the limit is lowered: divided by the excess, and multiplied by the margin. Where no model meets the
-# lowered limit, the stated one holds again, and is lowered no more.
+# limit on a grid of its own is refused, its peaks refine the grid, and the search goes on. Once more than three have
+# missed the limit by no more than this factor, it is lowered: divided by the excess, and multiplied by the margin.
+# Where no model meets the lowered limit, the stated one holds again, and is lowered no more.
 _ATTEMPTS = 64
 _NEARLY, _NEAR_MISSES = 1.02, 3
 _MARGIN = 0.999
@@ -181,10 +182,11 @@ def _searched(
             rankings[other] = {name: component.rankings[other] for name, component in components.items()}
     among, attempts, near = judge.below_highest(), 0, 0
     critical: Finding | None = None
+    found: Found | None = None
     while True:
         try:
             if price is None:
-                found = keep_error(components, rankings, judge, 1.0, among, below)
+                found = keep_error(components, rankings, judge, 1.0, among, below, found)
             else:
                 found = keep_cheapest(components, rankings, judge, 1.0, price, among)
         except ConfigError:
@@ -215,7 +217,7 @@ def _searched(
             return Choice(found.selection, record)
         if attempts == _ATTEMPTS:
             raise ConfigError(_missed(critical))
-        judge.refuse(found.selection, critical.ratio)
+        judge.refuse(found.selection, critical)
         near += critical.ratio <= _NEARLY
         if critical.ratio <= _NEARLY and near > _NEAR_MISSES:
             judge.tighten(critical.limit_name, _MARGIN / critical.ratio)

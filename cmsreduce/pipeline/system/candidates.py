@@ -155,10 +155,26 @@ class Candidates:
             found.append(self._static_lack(selection))
         return max(found, key=lambda each: each.ratio)
 
-    def refuse(self, selection: Selection, ratio: float) -> None:
-        """Take the ratio of a selection from grids of its own, on which it missed a limit that it met on these."""
-        key = self._key(selection)
-        self._known[key] = self._refused[key] = ratio, np.inf
+    def refuse(self, selection: Selection, missed: Finding) -> None:
+        """Take the ratio of a selection from grids of its own, on which it missed a limit that it met on these.
+
+        The grid of the configuration where it did so is refined at the resonances of this selection: selections like
+        it resonate near them.
+        """
+        self._refused[self._key(selection)] = missed.ratio, np.inf
+        self._known, self._last = dict(self._refused), ({}, [])
+        for trials in (self._trials, self._midpoints):
+            for k, trial in enumerate(trials):
+                if trial.target.configuration.name == missed.note:
+                    finer = self._finer(trial, selection, quick=trials is self._midpoints)
+                    self._order[self._order.index(trial)] = trials[k] = finer
+
+    def _finer(self, trial: Trial, selection: Selection, *, quick: bool) -> Trial:
+        """A configuration on the union of its grid and of that for a selection."""
+        compared, configuration = self.measure.comparison, trial.target.configuration
+        own = compared.grid(configuration, [self._narrowed(selection)], quick=quick)
+        target = compared.target(configuration, np.union1d(trial.target.omega, own), self.model, quick=quick)
+        return self._trial(target, trial.full_db, trial.limits)
 
     def tighten(self, name: str, factor: float) -> None:
         """Multiply one limit by a factor: several models met it on these grids, and missed it on grids of their own."""

@@ -114,6 +114,15 @@ class Comparison:
     ) -> tuple[Target, ...]:
         """Reference responses on grids refined at the resonances of the reference model and of one reduced model."""
         grids = [self.grid(configuration, [model], quick=quick) for configuration in configurations]
+        return self._targets(configurations, grids, model, quick=quick)
+
+    def target(self, configuration: Configuration, omega: Real, model: ReducedModel, *, quick: bool = False) -> Target:
+        """Reference response on a grid, as for `targets`."""
+        return self._targets([configuration], [omega], model, quick=quick)[0]
+
+    def _targets(
+        self, configurations: Sequence[Configuration], grids: Sequence[Real], model: ReducedModel, *, quick: bool
+    ) -> tuple[Target, ...]:
         full = self.reference.assembled.responses(configurations, grids)
         # Where the modes of the reference model are not needed, nor are its matrices.
         rigid = model.assembled if quick else None

@@ -49,8 +49,8 @@ class Grids(Vectors):
     def below_highest(self) -> None:
         return None
 
-    def refuse(self, selection: Selection, ratio: float) -> None:
-        self.refused[tuple(selection["bar"].tolist())] = ratio
+    def refuse(self, selection: Selection, missed: Finding) -> None:
+        self.refused[tuple(selection["bar"].tolist())] = missed.ratio
 
     def tighten(self, name: str, factor: float) -> None:
         self.limit *= factor

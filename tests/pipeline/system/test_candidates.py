@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmsreduce.model import ModalComponent
+from cmsreduce.model import Finding, ModalComponent
 from cmsreduce.pipeline import Run
 from cmsreduce.pipeline.choose.selection import truncate
 from cmsreduce.pipeline.system.candidates import Candidates
@@ -65,6 +65,29 @@ def test_errors_are_those_of_the_models(trials: Trials) -> None:
     for seed, share in enumerate([1.0, 0.8, 0.5, 0.0]):
         selection = trials.random(seed, share)
         assert trials.fast.error(selection) == pytest.approx(trials.slow(selection), rel=1e-9, abs=1e-12)
+
+
+def test_a_refusal_refines_the_grid_for_selections_like_the_refused_one(trials: Trials) -> None:
+    """On every ninth frequency the errors are 30 % off; after a refusal that of a neighbour is right."""
+    compared, pool, apart = trials.run.comparison, trials.run.joined(trials.components), []
+    coarse = [compared.target(each.configuration, each.omega[::9], pool) for each in trials.targets]
+    trials.targets = tuple(coarse)
+    fast, full = trials.limited({"frf_error": 1.0}), trials.random(0, 1.0)
+    # The lowest mode of the arm misses the most.
+    refused = {**full, "arm": full["arm"][1:]}
+    for other in (None, full["arm"][-1]):
+        selection = refused if other is None else {**refused, "arm": refused["arm"][refused["arm"] != other]}
+        kept = truncate(trials.components, selection, dict.fromkeys(trials.components, "trial"))
+        model, places = trials.run.joined(kept), [each.configuration for each in coarse]
+        own = {place.name: compared.error_at(place, model) for place in places}
+        apart.append((own, fast.error(selection)))
+        if other is None:
+            for name, error in own.items():
+                fast.refuse(selection, Finding("frf_error", error, 1.0, name))
+            assert fast.error(selection) == pytest.approx(list(own.values())[-1])
+    (refused_own, before), (own, after) = apart
+    assert abs(before / max(refused_own.values()) - 1) > 0.1
+    assert after == pytest.approx(max(own.values()), rel=5e-3)
 
 
 def test_beyond_a_limit_an_error_is_a_lower_bound(trials: Trials) -> None:
