@@ -19,6 +19,7 @@ from cmsreduce.project.response_certificate import (
 from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes, trapezoidal
 from cmsreduce.project.scene_shapes import ResponseLimits, SceneFit, energy_shapes, fit_shapes, objective
 from cmsreduce.project.settled_shapes import Judged, Settled
+from cmsreduce.project.shape_losses import ShapeLosses
 from cmsreduce.project.shape_search import ShapeSearch
 from cmsreduce.project.system_cost import Shares, SystemCost, largest_shares, system_cost
 
@@ -34,6 +35,7 @@ __all__ = [
     "SceneFit",
     "SceneResponses",
     "Settled",
+    "ShapeLosses",
     "ShapeSearch",
     "Shapes",
     "Shares",

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from cmsreduce.project.body_modes import BodyModes, ShapeFlexibility
 
-__all__ = ["JoinedShapes", "ResponseSample", "SceneResponses", "Shapes", "trapezoidal"]
+__all__ = [
+    "BodyPart",
+    "JoinedShapes",
+    "ResponseSample",
+    "SceneResponses",
+    "Shapes",
+    "coupled",
+    "forces",
+    "trapezoidal",
+]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -130,28 +139,13 @@ class SceneResponses:
         LinAlgError
             If the joints are not independent in the motions that the shapes leave.
         """
-        return [_joined(*each) for each in self._in_shapes(shapes)]
+        return [_joined(*each) for each in self.in_shapes(shapes)]
 
     def responses(self, shapes: Shapes) -> list[Complex]:
         """The responses alone (f, outputs, inputs), in every configuration; errors as those of `joined`."""
-        return [_response(sample, _coupled(sample, parts)) for sample, parts in self._in_shapes(shapes)]
+        return [_response(sample, coupled(sample, parts)) for sample, parts in self.in_shapes(shapes)]
 
-    def without_each(self, shapes: Shapes, name: str) -> Iterator[list[Complex]]:
-        """The responses in every configuration without one shape of a body, for each of its shapes in turn.
-
-        Notes
-        -----
-        Without a shape its amplitude is zero: a force along it undoes the motion x that an input causes, by x / d with
-        d the flexibility of the joined bodies along the shape. It changes the output by its adjoint amplitude z, so
-        that the response is H - z x / d: all shapes from one solve. Where the joints need the shape, d is zero and the
-        response is not finite.
-        """
-        found = [_along_each(sample, parts, name) for sample, parts in self._in_shapes(shapes)]
-        for j in range(shapes[name].shape[1]):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                yield [H - z[:, j, :, None] * (x[:, j] / d[:, j, None])[:, None] for H, x, z, d in found]
-
-    def _in_shapes(self, shapes: Shapes) -> Iterator[tuple[ResponseSample, list[_Part]]]:
+    def in_shapes(self, shapes: Shapes) -> Iterator[tuple[ResponseSample, list[BodyPart]]]:
         """Every configuration with the bodies in their shapes."""
         flexibility = {name: body.flexibility(shapes[name], self._omega) for name, body in self.bodies.items()}
         for sample, some in zip(self.samples, self._parts, strict=True):
@@ -207,7 +201,7 @@ class SceneResponses:
         for sample in self.samples:
             flexible = {name: _all_modes(body, sample, name) for name, body in self.bodies.items()}
             G = sample.rest + sum(sample.left[name] @ right for name, (_, right) in flexible.items())
-            loads, observers, _ = _forces(sample, G)
+            loads, observers, _ = forces(sample, G)
             primal = {name: right @ loads for name, (_, right) in flexible.items()}
             adjoint = {name: left @ observers for name, (left, _) in flexible.items()}
             found.append((primal, adjoint))
@@ -227,7 +221,7 @@ def _all_modes(body: BodyModes, sample: ResponseSample, name: str) -> tuple[Comp
     return X[:, :, : left.shape[0]], X[:, :, left.shape[0] :]
 
 
-def _forces(sample: ResponseSample, G: Complex) -> tuple[Complex, Complex, Complex]:
+def forces(sample: ResponseSample, G: Complex) -> tuple[Complex, Complex, Complex]:
     """Loads, observers and the response from the flexibility of all bodies between the rows (f, l, r)."""
     c, f = sample.c, G.shape[0]
     inputs, measured = G.shape[2] - c, G.shape[1] - c
@@ -250,7 +244,7 @@ def _response(sample: ResponseSample, G: Complex) -> Complex:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class BodyPart:
     """A body in its shapes in one configuration: its rows of all, their motions (l, k), (r, k), and its flexibility."""
 
     name: str
@@ -261,12 +255,12 @@ class _Part:
     Y: ShapeFlexibility
 
 
-def _part(sample: ResponseSample, name: str, V: Array, Y: ShapeFlexibility) -> _Part:
+def _part(sample: ResponseSample, name: str, V: Array, Y: ShapeFlexibility) -> BodyPart:
     rows, columns = sample.touched[name]
-    return _Part(name, rows, columns, sample.left[name][rows] @ V, sample.right[name][columns] @ V, Y)
+    return BodyPart(name, rows, columns, sample.left[name][rows] @ V, sample.right[name][columns] @ V, Y)
 
 
-def _coupled(sample: ResponseSample, parts: Sequence[_Part]) -> Complex:
+def coupled(sample: ResponseSample, parts: Sequence[BodyPart]) -> Complex:
     """Flexibility of all bodies between the rows (f, l, r)."""
     G = sample.rest.copy()
     for part in parts:
@@ -274,23 +268,8 @@ def _coupled(sample: ResponseSample, parts: Sequence[_Part]) -> Complex:
     return G
 
 
-def _along_each(sample: ResponseSample, parts: Sequence[_Part], name: str) -> tuple[Complex, Complex, Complex, Complex]:
-    """The response; of one body the primal and adjoint amplitudes, and the flexibility along each shape (f, k)."""
-    c, G = sample.c, _coupled(sample, parts)
-    loads, observers, H = _forces(sample, G)
-    (part,) = (each for each in parts if each.name == name)
-    Y, one = part.Y, np.eye(part.left.shape[1])
-    joint, force = part.rows < c, part.columns < c
-    moved = np.zeros((G.shape[0], c, len(one)), dtype=np.complex128)
-    moved[:, part.rows[joint]] = Y.between(part.left[joint], one)
-    held = np.linalg.solve(G[:, :c, :c], moved)[:, part.columns[force]]
-    back = np.einsum("fkc,fck->fk", Y.between(one, part.right[force]), held)
-    x, z = Y.amplitudes(part.right, loads[:, part.columns]), Y.amplitudes(part.left, observers[:, part.rows])
-    return H, x, z, Y.weights @ (Y.left * Y.right.T).T - back
-
-
-def _joined(sample: ResponseSample, parts: Sequence[_Part]) -> JoinedShapes:
-    loads, observers, H = _forces(sample, _coupled(sample, parts))
+def _joined(sample: ResponseSample, parts: Sequence[BodyPart]) -> JoinedShapes:
+    loads, observers, H = forces(sample, coupled(sample, parts))
     primal = {part.name: part.Y.amplitudes(part.right, loads[:, part.columns]) for part in parts}
     adjoint = {part.name: part.Y.amplitudes(part.left, observers[:, part.rows]) for part in parts}
     return JoinedShapes(H, loads, observers, primal, adjoint)

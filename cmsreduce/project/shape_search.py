@@ -328,7 +328,7 @@ class ShapeSearch:
             names = [name for name, V in shapes.items() if V.shape[1] > least.get(name, 1)]
             if not names:
                 break
-            less = [each for name in names for each in self.directions.less_one(name, shapes)]
+            less = self.directions.less_one(names, shapes)
             tried = [(self._misfit_of(responses), fewer) for fewer, responses in less]
             for kept, steps in self._heats if mended else ():
                 fits = [self._fitted(fewer, steps) for _, fewer in sorted(tried, key=itemgetter(0))[:kept]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from itertools import islice
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.project.scene_responses import SceneResponses, Shapes
 from cmsreduce.project.scene_shapes import energy_shapes, mode_shares
+from cmsreduce.project.shape_losses import ShapeLosses
 
 __all__ = ["MIXES", "SceneDirections"]
 
@@ -62,23 +63,22 @@ class SceneDirections:
             left, _, _ = la.svd((w * every - U @ (U.T @ (w * every))) * share, full_matrices=False)
             yield from (left[:, [k]] / w for k in range(min(_TRIED, w.size - V.shape[1])))
 
-    def less_one(self, name: str, shapes: Shapes) -> Iterator[tuple[Shapes, list[Complex]]]:
-        """The shapes without one of a body's weak directions in the scene or of its modes, and their responses."""
-        w = self.scene.bodies[name].omega[:, None]
-        V = np.linalg.qr(w * shapes[name])[0] / w
-        gram = np.zeros((V.shape[1], V.shape[1]))
-        for joined in self.scene.joined({**shapes, name: V}):
-            for X in (joined.primal[name], joined.adjoint[name]):
-                flat = X.transpose(1, 0, 2).reshape(V.shape[1], -1)
-                size = float(np.sum(abs(flat) ** 2))
-                gram += (flat @ flat.conj().T).real / size if size else 0.0
-        _, directions = la.eigh(gram)
-        _, modes = la.eigh((w * V).T @ (w * V), V.T @ V)
-        # Of the directions the weakest half: the strongest ones are never the first to go.
-        for basis, most in ((V @ directions, (V.shape[1] + 1) // 2), (V @ modes, V.shape[1])):
-            without = self.scene.without_each({**shapes, name: basis}, name)
-            for k, responses in enumerate(islice(without, most)):
-                yield {**shapes, name: np.delete(basis, k, axis=1)}, responses
+    def less_one(self, names: Iterable[str], shapes: Shapes) -> Iterator[tuple[Shapes, list[Complex]]]:
+        """The shapes without one of a body's weak directions in the scene or of its modes, and their responses.
+
+        Of several bodies, one after another; the bodies are joined once for all of them.
+        """
+        weights = {name: self.scene.bodies[name].omega[:, None] for name in shapes}
+        alone = {name: np.linalg.qr(weights[name] * V)[0] / weights[name] for name, V in shapes.items()}
+        losses = ShapeLosses(self.scene, alone)
+        for name in names:
+            V, w, own = alone[name], weights[name], losses.of(name)
+            _, directions = la.eigh(own.gram)
+            _, modes = la.eigh((w * V).T @ (w * V), V.T @ V)
+            # Of the directions the weakest half: the strongest ones are never the first to go.
+            for basis, most in ((directions, (V.shape[1] + 1) // 2), (modes, V.shape[1])):
+                for k, responses in enumerate(islice(own.without_each(basis), most)):
+                    yield {**shapes, name: np.delete(V @ basis, k, axis=1)}, responses
 
     @cached_property
     def mode_shares(self) -> dict[str, Array]:
