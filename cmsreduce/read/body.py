@@ -13,6 +13,7 @@ from cmsreduce.model import SCALAR, SI, Damping, DofTable, FEModel, Source, Unit
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import NODE_ROWS, Geometry
 from cmsreduce.read.geometry import in_terms_of, other_length, read_geometry
+from cmsreduce.read.idle_turns import with_idle_turns
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_interface
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
@@ -110,7 +111,10 @@ def read_body(
     rounding = max(shown, *(one.rounding for one in matrices.values()))
 
     def build(dofs: DofTable, named: Mapping[str, InterfaceSpec]) -> FEModel:
-        table, (K, M, *D) = _on_common_rows(name, dofs, [*matrices.values()], shape)
+        table, common = _on_common_rows(name, dofs, [*matrices.values()], shape)
+        if shape is not None and shape.idle is not None:
+            table, common = with_idle_turns(table, common, shape.idle)
+        K, M, *D = common
         nodes = shape.nodes if shape is not None and len(shape.nodes) else None
         given = {} if shape is None else shape.sets
         found = {label: table.rows(one.node, one.component) for label, one in given.items()}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import DofTable, Nodes
+from cmsreduce.read.idle_turns import IdleTurns
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.stated import Statement, nothing_stated
 
@@ -183,6 +184,8 @@ class Geometry:
         Node by the number under which its rotations have rows: these are labelled with components 1..3.
     length : StatedLength, optional
         Unit of the coordinates, where the file states one.
+    idle : IdleTurns, optional
+        Rotations that nothing resists.
     """
 
     path: Path
@@ -196,6 +199,7 @@ class Geometry:
     expanded: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     turning: Mapping[int, int] = field(default_factory=dict)
     length: StatedLength | None = None
+    idle: IdleTurns | None = None
 
     @classmethod
     def of_mesh(cls, path: Path, nodes: Nodes) -> Geometry:

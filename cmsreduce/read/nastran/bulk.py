@@ -259,9 +259,14 @@ def _deck_geometry(path: Path) -> Geometry:
     sizes = deck.sizes()
     rows: dict[str, DofTable] = {name: deck.dof_table(name) for name in ("a", "f", "n", "g") if name in sizes}
     sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
-    stiff = None if of_q else stiffened_dofs(path, Points(np.sort(deck.nodes.id), deck.spoints))
+    stiff = None if of_q else stiffened_dofs(path, Points(np.sort(deck.nodes.id), deck.spoints), deck.nodes)
     if stiff is not None and "a" in rows:
-        rows["autospc"] = DofTable.from_keys(np.intersect1d(deck.analysis, stiff, assume_unique=True))
+        kept = np.intersect1d(deck.analysis, stiff[0], assume_unique=True)
+        # By PARAM,K6ROT plates resist rotation about their normal, or do not.
+        rows |= {
+            "autospc": DofTable.from_keys(kept),
+            "autospc-flat": DofTable.from_keys(np.setdiff1d(kept, stiff[1].held.keys)),
+        }
     if "q" in sets and "b" in sets and len(sets["b"]) + len(sets["q"]) < len(rows["a"]):
         # Components of the grids of a q-set that stand for no mode may be in the c-set.
         rows["bq"] = DofTable.from_keys(np.union1d(deck.named["b"], deck.named["q"]))
@@ -277,7 +282,8 @@ def _deck_geometry(path: Path) -> Geometry:
         keys = translations.node * KEY_STEP + translations.component
         rows["translations"] = DofTable.from_keys(keys_without(keys, deck.constrained))
     held, named = DofTable.from_keys(deck.constrained), deck.node_sets
-    return Geometry(path, nodes, rows, sets, held, deck.files, deck.remarks, named)
+    idle = None if stiff is None else stiff[1]
+    return Geometry(path, nodes, rows, sets, held, deck.files, deck.remarks, named, idle=idle)
 
 
 def _without(nodes: Nodes, others: NDArray[np.int64]) -> Nodes:
