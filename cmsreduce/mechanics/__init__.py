@@ -21,10 +21,11 @@ from cmsreduce.mechanics.integrator_steps import ACCURACIES, INTEGRATORS, advise
 from cmsreduce.mechanics.lumped_mass import lumped_mass, moves_generalised, untied_body
 from cmsreduce.mechanics.mass_points import MassPoints, mass_points, points_of_lumps
 from cmsreduce.mechanics.modal_integrals import CROSS, energies, modal_integrals, rigid_mass, spinning_modes
+from cmsreduce.mechanics.pieces import check_connected
 from cmsreduce.mechanics.places import places_by_stiffness
 from cmsreduce.mechanics.simulation_cost import IMPLICIT, cost, longest_steps, step_operations
 from cmsreduce.mechanics.ties import Tie, tie_nodes
-from cmsreduce.mechanics.undetermined import Determined, check_connected, hold_undetermined
+from cmsreduce.mechanics.undetermined import Determined, hold_undetermined
 
 __all__ = [
     "ACCURACIES",

@@ -1,4 +1,4 @@
-"""Bodies in several pieces, and motions that neither stiffness nor mass nor damping determines."""
+"""Motions of a body that neither stiffness nor mass nor damping determines."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError, SceneError
@@ -16,7 +15,7 @@ from cmsreduce.linalg.eigen import stiffness_null_space
 from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
 from cmsreduce.model import FEModel, Interface, rigid_body_shapes
 
-__all__ = ["Determined", "check_connected", "hold_undetermined", "parts"]
+__all__ = ["Determined", "hold_undetermined"]
 
 # A singular matrix has a pivot of the size of the rounding of its diagonal entry; above this one, no search is needed.
 _SOUND_PIVOT = 1e-6
@@ -29,81 +28,10 @@ _INDEPENDENT = 1e-6
 _SPRING = 1e-3
 # Rigid motions of a body that is free in all directions.
 _ALL_MOTIONS = 6
-# Dofs and parts named in a message.
-_NAMED, _NAMED_PARTS = 12, 5
-
-
-def parts(body: FEModel) -> NDArray[np.int64]:
-    """Number of the part of each row (n,); rows of one node are one part."""
-    # Three partitions of the rows, whose classes are joined where they share a row: by K, by M, and by node.
-    classes = [_connected(body.K), _connected(body.M), np.unique(body.dofs.node, return_inverse=True)[1]]
-    starts = np.cumsum([0, *(label.max(initial=-1) + 1 for label in classes)])
-    first = np.tile(classes[0], 2)
-    second = np.concatenate([classes[1] + starts[1], classes[2] + starts[2]])
-    shared = sp.coo_array((np.ones(first.size), (first, second)), shape=(starts[-1], starts[-1]))
-    _, label = csgraph.connected_components(shared, directed=False)
-    return np.asarray(label[classes[0]], dtype=np.int64)
-
-
-def _connected(A: sp.csc_array) -> NDArray[np.int64]:
-    """Number of the connected part of each row of a symmetric matrix (n,)."""
-    if not A.data.all():
-        A = A.copy()
-        A.eliminate_zeros()
-    # The transpose is the same matrix stored by rows. Its strong components need no second copy by columns.
-    return np.asarray(csgraph.connected_components(A.T, directed=True, connection="strong")[1], dtype=np.int64)
-
-
-def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) -> None:
-    """Refuse a body in several pieces, or with rows that have neither stiffness nor mass.
-
-    Parameters
-    ----------
-    body : FEModel
-        The body.
-    proven : (n, r) float64, optional
-        Its rigid motions, if K resists all others.
-
-    Raises
-    ------
-    MatrixError
-        Names a node of every piece.
-    """
-    # Each piece would have the rigid motions of its own nodes: three of one node, five or more of others.
-    nodes, moving = np.unique(body.dofs.node).size, (body.dofs.component > 0) & (body.dofs.component <= 3)
-    if proven is not None and proven.shape[1] == _ALL_MOTIONS and nodes > 2 and moving.sum() == 3 * nodes:
-        return
-    empty = np.flatnonzero(_without_entries(body.K) & _without_entries(body.M))
-    if empty.size:
-        raise MatrixError(
-            f"body '{body.name}': {empty.size} dofs have neither stiffness nor mass, the first is "
-            f"{body.dofs.labels[empty[0]]}; write the matrices without them, or take their rows out"
-        )
-    part = parts(body)
-    count = int(part.max()) + 1
-    if count > 1 and all(np.array_equal(A.nonzero()[0], A.nonzero()[1]) for A in (body.K, body.M)):
-        raise MatrixError(
-            f"body '{body.name}': stiffness and mass are diagonal, {body.n} x {body.n}, so they are modal matrices and "
-            "no dofs of nodes. Give them with their shapes: `modes: {stiffness: ..., mass: ..., shapes: ...}`"
-        )
-    if count > 1:
-        sizes = np.bincount(part)
-        order = np.argsort(-sizes)
-        named = [
-            f"{len(np.unique(body.dofs.node[part == p]))} nodes around node {body.dofs.node[part == p][0]}"
-            for p in order[:_NAMED_PARTS]
-        ]
-        raise MatrixError(
-            f"body '{body.name}' is not one piece: {count} parts share neither stiffness nor mass "
-            f"({'; '.join(named)}{' ...' if count > _NAMED_PARTS else ''}). Look for missing elements or unmerged "
-            "nodes, or make each part a component of its own"
-        )
-
-
-def _without_entries(A: sp.csc_array) -> NDArray[np.bool_]:
-    """True for each column of zeros (n,)."""
-    filled = np.concatenate([[0], np.cumsum(A.data != 0)])[A.indptr]
-    return np.asarray(np.diff(filled) == 0)
+# Forces of a rotation that nothing resists, in roundings of the file.
+_ROUNDINGS = 1e3
+# Dofs named in a message.
+_NAMED = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +42,7 @@ class Determined:
     ----------
     body : FEModel
         n dofs; the dofs held are in ``constrained``, or have springs to the rest of the body.
-    motions : (n, k) float64
+    motions : (n, k) csc array
         Undetermined motions of the remaining dofs. A force or sensor along such a motion has no meaning: its response
         would depend on the choice of the dofs held.
     held : tuple of str
@@ -124,7 +52,7 @@ class Determined:
     """
 
     body: FEModel
-    motions: NDArray[np.float64]
+    motions: sp.csc_array
     held: tuple[str, ...] = ()
     lost: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
@@ -140,8 +68,7 @@ class Determined:
     @property
     def moved(self) -> NDArray[np.bool_]:
         """Rows of the body that an undetermined motion moves (n,)."""
-        size = abs(self.motions).max(axis=1, initial=0.0)
-        return np.asarray(size > _AT_REST * size.max(initial=0.0))
+        return _moved(self.motions)
 
     def check_untouched(self, rows: sp.csr_array, what: str) -> None:
         """Refuse actuators, sensors and loads along an undetermined motion.
@@ -160,10 +87,10 @@ class Determined:
         """
         if not self.motions.shape[1] or not rows.shape[0]:
             return
-        along = abs(rows @ self.motions).max(axis=1)
+        along, size = _largest(sp.csr_array(rows @ self.motions)), _largest(self.motions)
         at = int(along.argmax())
-        if along[at] > _AT_REST * float(abs(self.motions).max(initial=0.0)) * float(abs(rows[[at]]).max()):
-            part = abs(rows[[at]].toarray()[0]) * abs(self.motions).max(axis=1)
+        if along[at] > _AT_REST * float(size.max(initial=0.0)) * float(abs(rows[[at]]).max()):
+            part = abs(rows[[at]].toarray()[0]) * size
             raise SceneError(
                 f"body '{self.body.name}': {what} at {self.body.dofs.labels[int(part.argmax())]} moves with "
                 f"{_listed(self.held)} in a motion that has neither stiffness nor mass, so it has no answer; give "
@@ -207,20 +134,21 @@ def hold_undetermined(
     if not body.M.diagonal().any():
         raise MatrixError(f"body '{body.name}' has no mass: all entries of M are zero; name its mass matrix")
     if proven is not None and np.linalg.matrix_rank(proven.T @ (body.M @ proven), hermitian=True) == proven.shape[1]:
-        return Determined(body, np.empty((body.n, 0)))
-    empty, motions, scale = _undetermined_motions(body)
-    if not empty.any() and not motions.shape[1]:
-        return Determined(body, motions)
+        return Determined(body, sp.csc_array((body.n, 0)))
+    still, single, motions, scale = _undetermined_motions(body)
+    if not still.size and not motions.shape[1]:
+        return Determined(body, single)
     # With orthonormal vectors in scaled dofs, the share of each dof does not depend on the choice of vectors.
     scaled = la.orth(motions * scale[:, None]) if motions.shape[1] else motions
     share = np.linalg.norm(scaled, axis=1)
-    moved = empty | (share > _AT_REST * share.max())
+    moved = _moved(single) | (share > _AT_REST * share.max())
+    moved[still] = True
     faces, lost = {}, []
     for name, face in body.interfaces.items():
         faces[name], labels = _without(body, face, moved, name in named)
         if labels:
             lost.append((name, labels))
-    held = still = np.flatnonzero(empty)
+    held = still
     if motions.shape[1]:
         _, order = la.qr(scaled.T, mode="r", pivoting=True)
         chosen = np.asarray(order[: motions.shape[1]], dtype=np.int64)
@@ -229,7 +157,9 @@ def hold_undetermined(
         still, body = (held, body) if springs is None else (still, replace(body, K=sp.csc_array(body.K + springs)))
     stay = np.setdiff1d(np.arange(body.n, dtype=np.int64), still)
     labels_held = tuple(body.dofs.labels[row] for row in held)
-    return Determined(_restricted(body, stay, still, faces), motions[stay], labels_held, tuple(lost))
+    left = sp.csc_array(sp.hstack([single, sp.csc_array(motions)]))[stay]
+    left = left[:, np.flatnonzero(np.diff(left.indptr))]
+    return Determined(_restricted(body, stay, still, faces), left, labels_held, tuple(lost))
 
 
 def _springs_to_the_rest(
@@ -266,25 +196,81 @@ def _springs_to_the_rest(
 
 def _undetermined_motions(
     body: FEModel,
-) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
-    """Null space of K, M and D together: empty rows (n,), motions of the other dofs (n, k), and their scale (n,).
+) -> tuple[NDArray[np.int64], sp.csc_array, NDArray[np.float64], NDArray[np.float64]]:
+    """Null space of K, M and D together.
 
-    The scale makes translations and rotations comparable.
+    Returns
+    -------
+    still : (h,) int64
+        Empty rows, and a row of each motion of one node.
+    single : (n, s) csc array
+        Rotations of one node each, about any axis: a shell may have thousands.
+    motions : (n, k) float64
+        Motions of the other dofs.
+    scale : (n,) float64
+        Scale of each dof, which makes translations and rotations comparable.
     """
     A = _sum(body)
-    empty = A.diagonal() == 0
-    rest = np.flatnonzero(~empty)
-    inner = sp.csc_array(A[rest][:, rest])
+    diagonal = A.diagonal()
+    still = np.flatnonzero(diagonal == 0)
+    scale = np.sqrt(np.where(diagonal == 0, 1.0, diagonal))
+    single, motions = sp.csc_array((body.n, 0)), np.zeros((body.n, 0))
+    if _is_sound(A, still, body.stiffness_rounding):
+        return still, single, motions, scale
+    turned, single = _single_turns(A, body)
+    still = np.union1d(still, turned)
+    if not turned.size or not _is_sound(A, still, body.stiffness_rounding):
+        rest = np.setdiff1d(np.arange(body.n), still)
+        found = stiffness_null_space(sp.csc_array(A[rest][:, rest]), body.stiffness_rounding)
+        motions = np.zeros((body.n, found.shape[1]))
+        motions[rest] = found
+    sizes = sp.diags_array(1 / np.sqrt(np.asarray((sp.diags_array(scale) @ single).power(2).sum(axis=0)).ravel()))
+    return still, sp.csc_array(single @ sizes), motions / np.linalg.norm(motions * scale[:, None], axis=0), scale
+
+
+def _is_sound(A: sp.csc_array, still: NDArray[np.int64], rounding: float) -> bool:
+    """True if a factorisation shows that a matrix without some rows has no null space."""
+    rest = np.setdiff1d(np.arange(A.shape[0]), still)
     try:
-        sound = factorise(inner).weakest[1] > max(_SOUND_PIVOT, 1e3 * body.stiffness_rounding)
+        return bool(factorise(sp.csc_array(A[rest][:, rest])).weakest[1] > max(_SOUND_PIVOT, 1e3 * rounding))
     except NotPositiveDefiniteError:
-        sound = False
-    found = np.empty((rest.size, 0)) if sound else stiffness_null_space(inner, body.stiffness_rounding)
-    motions = np.zeros((body.n, found.shape[1]))
-    motions[rest] = found
-    scale = np.ones(body.n)
-    scale[rest] = np.sqrt(inner.diagonal())
-    return empty, motions / np.linalg.norm(motions * scale[:, None], axis=0), scale
+        return False
+
+
+def _single_turns(A: sp.csc_array, body: FEModel) -> tuple[NDArray[np.int64], sp.csc_array]:
+    """Rotations (n, s) of single nodes that a matrix does not resist, and the row (s,) that each moves most."""
+    rows = body.dofs.rows(np.unique(body.dofs.node)[:, None], [4, 5, 6]).reshape(-1, 3)
+    rows = rows[(rows >= 0).all(axis=1)]
+    of, place = np.full(body.n, -1), np.zeros(body.n, dtype=np.int64)
+    of[rows], place[rows] = np.arange(len(rows))[:, None], np.arange(3)
+    entries = sp.coo_array(A)
+    i, j = entries.row, entries.col
+    own = (of[i] >= 0) & (of[i] == of[j])
+    blocks = np.zeros((len(rows), 3, 3))
+    blocks[of[i[own]], place[i[own]], place[j[own]]] = entries.data[own]
+    weight, axes = np.linalg.eigh(blocks)
+    limit = _ROUNDINGS * body.stiffness_rounding
+    weak = np.flatnonzero((weight[:, 0] <= limit * weight[:, 2]) & (weight[:, 2] > 0))
+    k, axis = np.arange(weak.size), axes[weak, :, 0]
+    turns = sp.csc_array((axis.ravel(), (rows[weak].ravel(), np.repeat(k, 3))), shape=(body.n, weak.size))
+    least = 1 / np.sqrt(np.where(A.diagonal() > 0, A.diagonal(), np.inf))
+    force = _largest(sp.csr_array((sp.diags_array(least) @ A @ turns).T))
+    free = force <= limit * np.sqrt(weight[weak, 2])
+    return rows[weak, abs(axis).argmax(axis=1)][free], turns[:, free]
+
+
+def _largest(A: sp.csr_array | sp.csc_array) -> NDArray[np.float64]:
+    """Largest size in each row."""
+    entries = sp.coo_array(A)
+    found = np.zeros(A.shape[0])
+    np.maximum.at(found, entries.row, abs(entries.data))
+    return found
+
+
+def _moved(motions: sp.csc_array) -> NDArray[np.bool_]:
+    """True for the rows that motions (n, k) move."""
+    size = _largest(motions)
+    return np.asarray(size > _AT_REST * size.max(initial=0.0))
 
 
 def _sum(body: FEModel) -> sp.csc_array:

@@ -13,9 +13,10 @@ import scipy.sparse as sp
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.eigen import elastic_pairs, only_motions, rigid_body_modes
 from cmsreduce.mechanics import check_connected, hold_undetermined
-from cmsreduce.mechanics.undetermined import parts
+from cmsreduce.mechanics.pieces import parts
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, rigid_body_shapes
 from tests.frames import BAR, Section, beam_matrices, frame, line, rotation
+from tests.plates import isotropic_laminate, plate_body
 from tests.solids import block
 
 CHAIN = 34
@@ -325,3 +326,44 @@ def led_by_a_point(made: FEModel, led: np.ndarray, arm: np.ndarray) -> FEModel:
     return FEModel(
         "bar", sp.csc_array(T.T @ made.K @ T), sp.csc_array(T.T @ made.M @ T), made.dofs[other].joined(six), nodes, {}
     )
+
+
+def plate(turn: np.ndarray, cells: int) -> FEModel:
+    """A square plate without mass against rotation; nothing resists rotation about its normal."""
+    x = np.array([[i, j, 0.0] for i in range(cells + 1) for j in range(cells + 1)]) / cells @ turn.T
+    at = [[(cells + 1) * i + j + 1 + k for k in (0, cells + 1, cells + 2, 1)] for i, j in np.ndindex(cells, cells)]
+    made = plate_body("plate", x, at, lambda _: isotropic_laminate(7e10, 0.3, 0.01), drilling=0.0)
+    M = np.where(made.dofs.component > 3, 0.0, made.M.diagonal())
+    return replace(made, M=sp.csc_array(sp.diags_array(M)))
+
+
+def test_each_node_of_a_skew_plate_turns_freely():
+    """The frequencies are those of a plate along the axes without its rotations about z."""
+    turn = rotation([1, 2, 3], 0.8)
+    found = hold_undetermined(plate(turn, 12))
+    assert len(found.held) == found.motions.shape[1] == 169
+    assert found.body.n == 5 * 169 and rigid_of(found.body).shape[1] == 6
+    flat = plate(np.eye(3), 12)
+    rows = np.flatnonzero(flat.dofs.component != 6)
+    flat = replace(flat, K=flat.K[rows][:, rows], M=flat.M[rows][:, rows], dofs=flat.dofs[rows])
+    np.testing.assert_allclose(elastic_modes(found.body), elastic_modes(flat), rtol=1e-8)
+
+
+def elastic_modes(body: FEModel) -> np.ndarray:
+    """The lowest twelve eigenvalues, of a body without mass against rotation."""
+    turns = body.dofs.component > 3
+    K = body.K.tocsr()
+    inner = la.lu_factor(K[turns][:, turns].toarray())
+    across = K[turns][:, ~turns].toarray()
+    condensed = K[~turns][:, ~turns].toarray() - across.T @ la.lu_solve(inner, across)
+    m = body.M.diagonal()[~turns]
+    lam = la.eigvalsh(condensed / np.sqrt(m[:, None] * m), subset_by_index=[0, 17])
+    return lam[6:]
+
+
+def test_a_load_about_the_normal_of_a_skew_plate_is_refused():
+    found = hold_undetermined(plate(rotation([1, 2, 3], 0.8), 2))
+    rows = sp.csr_array((np.ones(2), ([0, 1], [0, found.body.dofs.rows(5, 4)[0]])), shape=(2, found.body.n))
+    found.check_untouched(rows[[0]], "actuator 'push'")
+    with pytest.raises(SceneError, match=r"actuator 'push' at 5\.4 moves with"):
+        found.check_untouched(rows, "actuator 'push'")

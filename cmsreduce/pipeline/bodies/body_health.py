@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import certified_modes
-from cmsreduce.linalg.sparse import motions_held
+from cmsreduce.linalg.sparse import factorise, motions_held
 from cmsreduce.model import FEModel, Finding, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_proofs import definite
 from cmsreduce.pipeline.store import diagnostic
@@ -80,7 +80,7 @@ def body_health(
     *,
     thorough: bool = True,
     negative: Mapping[str, int | None] | None = None,
-    undetermined: NDArray[np.float64] | None = None,
+    undetermined: sp.csc_array | None = None,
 ) -> BodyHealth:
     """Check a body as it was read.
 
@@ -94,7 +94,7 @@ def body_health(
         Factorise its matrices, for their definiteness and for rigid motions by other sources.
     negative : mapping of ``stiffness`` and ``mass`` to int or None, optional
         Motions of negative energy, if they are known.
-    undetermined : (n, k) float64, optional
+    undetermined : (n, k) csc array, optional
         Motions that neither stiffness nor mass determines, of which one dof each is held, as in `Determined`.
     """
     if negative is None:
@@ -131,7 +131,7 @@ def body_health(
 
 
 def _rigid_shapes(
-    body: FEModel, undetermined: NDArray[np.float64] | None, point: ArrayLike = (0.0, 0.0, 0.0)
+    body: FEModel, undetermined: sp.csc_array | None, point: ArrayLike = (0.0, 0.0, 0.0)
 ) -> NDArray[np.float64]:
     """Rigid motions by the geometry (n, 6), in which each dof that is held is at rest."""
     assert body.nodes is not None
@@ -139,7 +139,8 @@ def _rigid_shapes(
     if undetermined is None or not undetermined.shape[1]:
         return R
     resisted = body.K @ undetermined
-    return R - undetermined @ np.linalg.solve(undetermined.T @ resisted, resisted.T @ R)
+    own = factorise(sp.csc_array(undetermined.T @ resisted), what="the stiffness of motions held")
+    return np.asarray(R - undetermined @ own(resisted.T @ R))
 
 
 def _name(body: FEModel, *_: object) -> str:

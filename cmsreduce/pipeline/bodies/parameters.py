@@ -170,10 +170,10 @@ def refuse_undetermined(terms: Sequence[ParameterTerm], determined: Determined) 
     body = determined.body
     if not terms or not determined.motions.shape[1] or not set(determined.held) & set(body.dofs.labels):
         return
-    N = determined.motions * determined.moved[:, None]
+    N = sp.diags_array(determined.moved.astype(float)) @ determined.motions
     for term in terms:
         A = sp.csr_array(term.matrix)
-        force = abs(A @ N).max(axis=1)
+        force = abs(A @ N).max(axis=1).toarray()
         at = int(force.argmax())
         if force[at] > _STRAY * float((abs(A) @ abs(N)).max()):
             what = f"parameter '{term.parameter}'" if term.parameter else "its gyroscopic matrix"

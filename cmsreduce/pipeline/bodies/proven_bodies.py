@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.config import Pipeline
@@ -76,7 +77,7 @@ class ProvenBody:
     """
 
     parts: Mapping[str, Any]
-    undetermined: NDArray[np.float64]
+    undetermined: sp.csc_array
     held: tuple[str, ...]
     lost: tuple[tuple[str, tuple[str, ...]], ...]
     rigid: NDArray[np.float64]

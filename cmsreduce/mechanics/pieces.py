@@ -1,0 +1,91 @@
+"""Bodies in several pieces, and rows that have neither stiffness nor mass."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.csgraph as csgraph
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.model import FEModel
+
+__all__ = ["check_connected", "parts"]
+
+# Rigid motions of a body that is free in all directions.
+_ALL_MOTIONS = 6
+# Parts named in a message.
+_NAMED_PARTS = 5
+
+
+def parts(body: FEModel) -> NDArray[np.int64]:
+    """Number of the part of each row (n,); rows of one node are one part."""
+    # Three partitions of the rows, whose classes are joined where they share a row: by K, by M, and by node.
+    classes = [_connected(body.K), _connected(body.M), np.unique(body.dofs.node, return_inverse=True)[1]]
+    starts = np.cumsum([0, *(label.max(initial=-1) + 1 for label in classes)])
+    first = np.tile(classes[0], 2)
+    second = np.concatenate([classes[1] + starts[1], classes[2] + starts[2]])
+    shared = sp.coo_array((np.ones(first.size), (first, second)), shape=(starts[-1], starts[-1]))
+    _, label = csgraph.connected_components(shared, directed=False)
+    return np.asarray(label[classes[0]], dtype=np.int64)
+
+
+def _connected(A: sp.csc_array) -> NDArray[np.int64]:
+    """Number of the connected part of each row of a symmetric matrix (n,)."""
+    if not A.data.all():
+        A = A.copy()
+        A.eliminate_zeros()
+    # The transpose is the same matrix stored by rows. Its strong components need no second copy by columns.
+    return np.asarray(csgraph.connected_components(A.T, directed=True, connection="strong")[1], dtype=np.int64)
+
+
+def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) -> None:
+    """Refuse a body in several pieces, or with rows that have neither stiffness nor mass.
+
+    Parameters
+    ----------
+    body : FEModel
+        The body.
+    proven : (n, r) float64, optional
+        Its rigid motions, if K resists all others.
+
+    Raises
+    ------
+    MatrixError
+        Names a node of every piece.
+    """
+    # Each piece would have the rigid motions of its own nodes: three of one node, five or more of others.
+    nodes, moving = np.unique(body.dofs.node).size, (body.dofs.component > 0) & (body.dofs.component <= 3)
+    if proven is not None and proven.shape[1] == _ALL_MOTIONS and nodes > 2 and moving.sum() == 3 * nodes:
+        return
+    empty = np.flatnonzero(_without_entries(body.K) & _without_entries(body.M))
+    if empty.size:
+        raise MatrixError(
+            f"body '{body.name}': {empty.size} dofs have neither stiffness nor mass, the first is "
+            f"{body.dofs.labels[empty[0]]}; write the matrices without them, or take their rows out"
+        )
+    part = parts(body)
+    count = int(part.max()) + 1
+    if count > 1 and all(np.array_equal(A.nonzero()[0], A.nonzero()[1]) for A in (body.K, body.M)):
+        raise MatrixError(
+            f"body '{body.name}': stiffness and mass are diagonal, {body.n} x {body.n}, so they are modal matrices and "
+            "no dofs of nodes. Give them with their shapes: `modes: {stiffness: ..., mass: ..., shapes: ...}`"
+        )
+    if count > 1:
+        sizes = np.bincount(part)
+        order = np.argsort(-sizes)
+        named = [
+            f"{len(np.unique(body.dofs.node[part == p]))} nodes around node {body.dofs.node[part == p][0]}"
+            for p in order[:_NAMED_PARTS]
+        ]
+        raise MatrixError(
+            f"body '{body.name}' is not one piece: {count} parts share neither stiffness nor mass "
+            f"({'; '.join(named)}{' ...' if count > _NAMED_PARTS else ''}). Look for missing elements or unmerged "
+            "nodes, or make each part a component of its own"
+        )
+
+
+def _without_entries(A: sp.csc_array) -> NDArray[np.bool_]:
+    """True for each column of zeros (n,)."""
+    filled = np.concatenate([[0], np.cumsum(A.data != 0)])[A.indptr]
+    return np.asarray(np.diff(filled) == 0)
