@@ -91,10 +91,15 @@ class Determined:
         at = int(along.argmax())
         if along[at] > _AT_REST * float(size.max(initial=0.0)) * float(abs(rows[[at]]).max()):
             part = abs(rows[[at]].toarray()[0]) * size
+            advice = "give these dofs inertia, hold them by a constraint, or take another node"
+            if np.unique(self.body.dofs.node[self.moved]).size == np.unique(self.body.dofs.node).size:
+                advice = (
+                    "no node is at rest in it. Solids of reduced integration in a row of one, as C3D20R, leave such "
+                    "motions: mesh two across, or take elements of full integration"
+                )
             raise SceneError(
                 f"body '{self.body.name}': {what} at {self.body.dofs.labels[int(part.argmax())]} moves with "
-                f"{_listed(self.held)} in a motion that has neither stiffness nor mass, so it has no answer; give "
-                "these dofs inertia, hold them by a constraint, or take another node"
+                f"{_listed(self.held)} in a motion that has neither stiffness nor mass, so it has no answer; {advice}"
             )
 
 

@@ -124,6 +124,8 @@ def read_body(
         inner[sets.get("q", np.empty(0, np.int64))] = True
         also = (shape.node_sets, shape.expanded) if shape is not None else ()
         remarks = [] if shape is None else [*other_length(name, shape, units)]
+        if shape is not None and matrices["stiffness"].format == "calculix":
+            remarks += [f"{name}: {remark}" for remark in shape.remarks]
         if nodes is not None:
             placed, nodes = with_places(K.A, table, nodes)
             moving = np.flatnonzero(placed.component != table.component)

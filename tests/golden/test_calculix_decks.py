@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from click.testing import CliRunner
 
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import ReadError, SceneError
+from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.pipeline.evidence.deck_agreement import statement_of
 from cmsreduce.read import MatrixSource, prove_row_order, read_geometry, read_parameter_matrix
 from tests.golden.calculix_bodies import Deck, body, solve
@@ -145,6 +147,39 @@ def test_the_reference_node_of_a_distributing_coupling_has_no_rotations(tmp_path
     turning = {int(node) for node in found.dofs.node[(found.dofs.component > 3) & (found.dofs.component <= 6)]}
     assert len(turning) == order.count("KINEMATIC")
     np.testing.assert_allclose(frequencies(found)[:6], expected[6:12], rtol=1e-6)
+
+
+def test_a_mass_that_calculix_leaves_out_is_named(tmp_path):
+    """Its modes are those without the mass; at a node of the surface, it counts."""
+    deck = Deck().solid("C3D8", (4, 2, 2), (1, 0.1, 0.15))
+    tip = set(deck.at(1))
+    facing = [k for k, (_, own) in enumerate(deck.elements, 1) if tip & set(own)]
+    lead = deck.node((1.1, 0.05, 0.075), layer=1)
+    deck.keywords = "*SURFACE, NAME=TIP\n" + "".join(f"{k}, S4\n" for k in facing)
+    deck.keywords += f"*COUPLING, REF NODE={lead}, SURFACE=TIP, CONSTRAINT NAME=C\n*DISTRIBUTING\n1, 3\n"
+    bare, found = np.array(solve(tmp_path, "bare", deck.text(), matrices=False)), {}
+    for node in (lead, min(tip)):
+        lump = f"*ELEMENT, TYPE=MASS, ELSET=LUMP\n9001, {node}\n*MASS, ELSET=LUMP\n30.\n"
+        modes = np.array(solve(tmp_path, "whole", deck.text() + lump, matrices=False))
+        assert np.allclose(modes[6:9], bare[6:9], rtol=1e-6) == (node == lead)
+        solve(tmp_path, "bar", deck.text() + lump, matrices=True)
+        body = found[node] = read(tmp_path)
+        np.testing.assert_allclose(frequencies(body)[:3], modes[6:9], rtol=1e-6)
+    assert found[min(tip)].remarks == ()
+    assert re.search(rf"leaves the mass at node {lead} out of its matrices", "".join(found[lead].remarks))
+
+
+def test_a_row_of_single_solids_of_reduced_integration_is_named(tmp_path):
+    """Its hourglasses have neither stiffness nor mass, and no node is at rest in them."""
+    deck = Deck().solid("C3D20R", (4, 1, 1), (1, 0.1, 0.15))
+    deck.nset("ROOT", deck.at(0))
+    solve(tmp_path, "bar", deck.text() + "*BOUNDARY\nROOT, 1, 3\n", matrices=True)
+    found = hold_undetermined(read(tmp_path))
+    rows = sp.csr_array(([1.0], ([0], [found.body.dofs.rows(deck.at(0.5)[0], 2)[0]])), shape=(1, found.body.n))
+    with pytest.raises(
+        SceneError, match=r"no node is at rest in it\. Solids of reduced integration.*: mesh two across"
+    ):
+        found.check_untouched(rows, "sensor 'motion'")
 
 
 @pytest.mark.parametrize("kind", ["C3D8I", "S8R"])

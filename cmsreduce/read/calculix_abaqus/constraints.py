@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
-from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets
+from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets, element_nodes
 from cmsreduce.read.printed_numbers import whole_number
 
-__all__ = ["nodes_with_own_rows", "rotation_nodes", "supports"]
+__all__ = ["lost_masses", "nodes_with_own_rows", "rotation_nodes", "supports"]
 
 _NAMED = {
     "ENCASTRE": range(1, 7),
@@ -134,6 +135,18 @@ def rotation_nodes(deck: Sequence[Block], sets: DeckSets, last: int) -> dict[int
         last += len(members)
         found[turn] = reference
     return found
+
+
+def lost_masses(deck: Sequence[Block], sets: DeckSets) -> list[int]:
+    """Reference nodes of distributing couplings with a mass, which CalculiX leaves out of its matrices and modes."""
+    found = {
+        node
+        for block, after in pairwise(deck)
+        if (block.keyword, after.keyword) == ("COUPLING", "DISTRIBUTING")
+        for node in sets.nodes_of(block.option("REF NODE").rpartition(".")[2])
+    }
+    masses = (block for block in deck if block.keyword == "ELEMENT" and block.option("TYPE") == "MASS")
+    return sorted(found & {nodes[0] for block in masses for _, nodes in element_nodes(block, 1)})
 
 
 def _rigid(deck: Sequence[Block], sets: DeckSets) -> Iterator[tuple[Block, int, tuple[int, ...]]]:

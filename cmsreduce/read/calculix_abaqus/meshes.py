@@ -11,7 +11,7 @@ import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
-from cmsreduce.read.calculix_abaqus.constraints import nodes_with_own_rows, rotation_nodes, supports
+from cmsreduce.read.calculix_abaqus.constraints import lost_masses, nodes_with_own_rows, rotation_nodes, supports
 from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, element_nodes, longest_start
 from cmsreduce.read.calculix_abaqus.expansion import PLANE, expansion_beside
 from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
@@ -216,6 +216,11 @@ def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: floa
         constrained=held,
         node_sets={name: np.array(ids, dtype=np.int64) for name, ids in sets.nodes.items() if ids},
         turning=turning,
+        remarks=tuple(
+            f"CalculiX leaves the mass at node {node} out of its matrices, and out of its own modes: it is the "
+            "reference node of a *DISTRIBUTING coupling, which has no rows. Put it on the surface, or take *KINEMATIC"
+            for node in lost_masses(deck, sets)
+        ),
         expanded={} if expansion is None else expansion.nodes,
     )
 
