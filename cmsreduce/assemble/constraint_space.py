@@ -12,6 +12,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.linalg.eigen import DEPENDENT, row_basis
 from cmsreduce.model import Matrix, Substructure, is_gyroscopic
 
@@ -282,7 +283,7 @@ def _reflector(A: Array) -> Array:
     Q, _ = la.qr((row_basis(A) @ A).T, mode="economic")
     r = Q.shape[1]
     # With the polar factor of the first rows as target, only 1 + S is inverted.
-    U, S, Wt = la.svd(Q[:r])
+    U, S, Wt = svd(Q[:r])
     X = Q.copy()
     X[:r] += U @ Wt
     return np.asarray(X @ (Wt.T / np.sqrt(1 + S)))

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.linalg.sparse import principal_part
 from cmsreduce.model import (
     DOUBLE,
@@ -186,7 +187,7 @@ def _check_determined(
     of_body, R = (
         A * np.where(body.dofs.component[rows] > 3, length, 1.0)[:, None] for A, rows in ((of_body, every), (R, rows))
     )
-    _, size, motions = la.svd(of_body, full_matrices=False)
+    _, size, motions = svd(of_body, full_matrices=False)
     # Least squares need all six; a rigid tie leaves out what the body does not have.
     motions = motions if kind == "average" else motions[size > _IN_LINE * size.max()]
     if la.svdvals(R @ motions.T).min() > _IN_LINE and R.shape[0] >= len(motions):

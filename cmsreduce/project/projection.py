@@ -10,7 +10,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blocks import combined
+from cmsreduce.linalg.blocks import combined, svd
 from cmsreduce.linalg.gramian import weighted_singular_values
 from cmsreduce.model import Matrix, ModalComponent
 
@@ -90,7 +90,7 @@ def project_shapes(body: str, shapes: Sequence[Array], M: Matrix, tolerance: flo
     """
     X = np.hstack([np.asarray(block, dtype=np.float64) for block in shapes])
     basis, R = _orthonormal(X, M)
-    U, singular, _ = la.svd(R, full_matrices=False)
+    U, singular, _ = svd(R, full_matrices=False)
     rank = int(np.count_nonzero(singular > tolerance))
     return Projection(body, np.asarray(basis @ U[:, :rank]), np.asarray(singular))
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes, trapezoidal
 
 __all__ = [
@@ -190,7 +190,7 @@ def energy_shapes(scene: SceneResponses, mix: float) -> dict[str, tuple[Array, A
     found = {}
     for name, body in scene.bodies.items():
         every = np.hstack(columns[name]) if columns[name] else np.zeros((body.count, 0))
-        U, share, _ = la.svd(every, full_matrices=False)
+        U, share, _ = svd(every, full_matrices=False)
         found[name] = (U / body.omega[:, None], share)
     return found
 

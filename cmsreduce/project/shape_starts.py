@@ -10,6 +10,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.project.scene_responses import SceneResponses, Shapes
 from cmsreduce.project.scene_shapes import energy_shapes, mode_shares
 from cmsreduce.project.shape_losses import ShapeLosses
@@ -60,7 +61,7 @@ class SceneDirections:
         U = np.linalg.qr(w * V)[0]
         for mix in MIXES:
             every, share = self._energy(mix)[name]
-            left, _, _ = la.svd((w * every - U @ (U.T @ (w * every))) * share, full_matrices=False)
+            left, _, _ = svd((w * every - U @ (U.T @ (w * every))) * share, full_matrices=False)
             yield from (left[:, [k]] / w for k in range(min(_TRIED, w.size - V.shape[1])))
 
     def less_one(self, names: Iterable[str], shapes: Shapes) -> Iterator[tuple[Shapes, list[Complex]]]:

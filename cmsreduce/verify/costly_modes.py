@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.model import CostlyMode, CostlyModes, ModalComponent, RoundingEffect
 
 __all__ = ["costly_modes", "single_precision"]
@@ -153,7 +154,7 @@ def _false_frequency(stiffness: Array, shapes: Array, motions: Array, r: int) ->
     strained = (left.T @ shapes[:, r:]) / np.sqrt(stiffness[r:])
     if not strained.size:
         return 0.0
-    U, s, _ = la.svd(strained, full_matrices=False)
+    U, s, _ = svd(strained, full_matrices=False)
     made = s > _MADE * s[0]
     amplitudes = (U[:, made].T @ (left.T @ motions)) / s[made, None]
     return float(np.sqrt((amplitudes**2).sum(axis=0).max(initial=0.0)))

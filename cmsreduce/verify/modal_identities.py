@@ -10,6 +10,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.linalg.sparse import factorise
 from cmsreduce.model import FEModel, ModalComponent, Placement, RigidBody, cross_matrix, rigid_body_shapes
 
@@ -233,7 +234,7 @@ def held_modes(component: ModalComponent, rows: NDArray[np.int64]) -> tuple[Arra
     # Static shapes have no mass: the pencil is singular in them, and they only help to hold the rows.
     scale = np.linalg.norm(C, axis=0)
     C = C / max(float(scale.max(initial=0.0)), 1e-300)
-    _, s, Vt = la.svd(C, full_matrices=True)
+    _, s, Vt = svd(C, full_matrices=True)
     free = Vt[int(np.sum(s > _MOVES)) :].T
     if not free.shape[1]:
         return None

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.model import DampedPairs
 
 __all__ = [
@@ -180,7 +180,7 @@ def pair_modes(old_omega: Array, new_omega: Array, old: Array, new: Array) -> Mo
     turn = np.eye(i.size)
     for each in np.unique(group[i]):
         at = np.flatnonzero(group[i] == each)
-        u, _, vt = la.svd(new[:, j[at]].T @ old[:, i[at]])
+        u, _, vt = svd(new[:, j[at]].T @ old[:, i[at]])
         turn[np.ix_(at, at)] = u @ vt
     return ModePairing(
         old=i,
@@ -219,7 +219,7 @@ def _mac(old: Array, new: Array, group: Indices) -> Array:
     mac = np.zeros((old.shape[1], new.shape[1]))
     for each in np.unique(group):
         members = group == each
-        u, s, _ = la.svd(old[:, members], full_matrices=False)
+        u, s, _ = svd(old[:, members], full_matrices=False)
         u = u[:, s > _DEPENDENT * s.max(initial=0.0)]
         mac[members] = np.sum((u.T @ unit) ** 2, axis=0)
     mac[np.ix_(~seen_old, seen_new)] = mac[np.ix_(seen_old, ~seen_new)] = 0.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -16,7 +15,7 @@ from cmsreduce.assemble.response.joint_chains import joint_chain
 from cmsreduce.assemble.response.receptance import DAMPED_RIGID, Receptance, add_between, frequencies_last, receptance
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
-from cmsreduce.linalg.blocks import dense
+from cmsreduce.linalg.blocks import dense, svd
 from cmsreduce.linalg.response import frequency_blocks
 from cmsreduce.model import Configuration, Scene, Substructure, System
 
@@ -187,7 +186,7 @@ def _drag(system: System) -> Array:
     if system.D is None or not Pr.shape[1]:
         return np.zeros((0, 0))
     forces = np.asarray(system.D @ Pr)
-    _, _, directions = la.svd(forces, full_matrices=False)
+    _, _, directions = svd(forces, full_matrices=False)
     largest = abs(system.D.data if sp.issparse(system.D) else system.D).max(initial=0.0)
     size = float(largest) * abs(Pr @ directions.T).max(axis=0)
     damped = directions[abs(forces @ directions.T).max(axis=0) > DAMPED_RIGID * size].T

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.response.receptance import is_diagonal
 from cmsreduce.assemble.system import balanced_rigid
-from cmsreduce.linalg.blocks import dense
+from cmsreduce.linalg.blocks import dense, svd
 from cmsreduce.linalg.eigen import null_space
 from cmsreduce.model import Matrix, Substructure, is_gyroscopic
 
@@ -220,7 +220,7 @@ def split_modes(
     flexible[unmoved] = 0.0
     scale = 1 / np.where(unmoved, np.where(beside > 0, beside, 1.0), size)
     # Of the triangle, which has at most c rows: the modes may be thousands.
-    U, s, _ = la.svd(la.qr((flexible * scale[:, None]).T, mode="r")[0][:c].T)
+    U, s, _ = svd(la.qr((flexible * scale[:, None]).T, mode="r")[0][:c].T)
     spanned = np.concatenate([s, np.zeros(c - s.size)]) ** 2
     if spanned.min(initial=1.0) > _SPANNED:
         # Independent joints are not mixed: those of light bodies keep their digits.

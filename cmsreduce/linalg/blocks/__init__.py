@@ -24,6 +24,7 @@ from cmsreduce.linalg.blocks.products import (
     rows_of,
     symmetric_product,
 )
+from cmsreduce.linalg.blocks.singular_vectors import svd
 from cmsreduce.linalg.blocks.tall_blocks import (
     by_columns,
     by_rows,
@@ -62,6 +63,7 @@ __all__ = [
     "row_blocks",
     "rows_of",
     "side_by_side",
+    "svd",
     "symmetric_product",
     "times",
 ]

@@ -16,7 +16,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blocks import dense
+from cmsreduce.linalg.blocks import dense, svd
 from cmsreduce.linalg.eigen.damped_pencil import DampedPencil, PencilBasis, PencilRoots, hermitian_energies
 from cmsreduce.linalg.eigen.pencil import elastic_and_massless
 from cmsreduce.linalg.sparse import factorise
@@ -149,7 +149,7 @@ def _damped_rigid(pencil: DampedPencil, rigid: Real) -> tuple[Real, Real]:
         return rigid[:, :0], rigid[:, :0]
     between = rigid.T @ (pencil.D @ rigid)
     if pencil.gyroscopic:
-        _, drag, V = la.svd(between)
+        _, drag, V = svd(between)
         Y = V.T
     else:
         drag, Y = la.eigh(between)
@@ -242,7 +242,7 @@ def _gyroscopic_loads(pencil: DampedPencil, momentum: Real, rigid: Real) -> Real
             f"the gyroscopic matrix of a system of {pencil.N} coordinates acts on {rows.size} of them, and roots that "
             f"it brings into the band are found for certain up to {_MOST_LOADED}: reduce the body first"
         )
-    U, size, _ = la.svd(skew[rows][:, rows].toarray())
+    U, size, _ = svd(skew[rows][:, rows].toarray())
     U = U[:, size > _DAMPED * size[0]]
     loads = np.zeros((pencil.N, U.shape[1]))
     loads[rows] = U

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import absolute_product, symmetric_product
+from cmsreduce.linalg.blocks import absolute_product, svd, symmetric_product
 from cmsreduce.linalg.eigen.pencil import energy_parts
 from cmsreduce.model import ARITHMETIC, CONDENSATION, DOUBLE, PRINTED
 
@@ -47,10 +46,10 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
     if R is None or not lengths.any():
         none = np.empty((K.shape[0], 0))
         return Geometric(none, np.empty(0), none, np.empty(0), False)
-    Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
+    Q, s, _ = svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
     Q = Q[:, s > DEPENDENT * s.max()]
     force = symmetric_product(K)(Q)
-    _, s, vt = la.svd(force, full_matrices=False)
+    _, s, vt = svd(force, full_matrices=False)
     shapes, force = Q @ vt.T, force @ vt.T
     energy, sizes = np.einsum("ij,ij->j", shapes, force), abs(shapes)
     # The 1-norm of K is the largest force if every dof moves by one and nothing cancels.

@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.linalg.eigen.geometric_motions import (
     DEPENDENT,
     LEFT_BY_FILE,
@@ -67,7 +68,7 @@ def null_space(A: Array, inexact: float = 0.0) -> tuple[Array, int]:
     norms = np.linalg.norm(A, axis=1)
     rows = A[norms > DEPENDENT * norms.max(initial=0.0)]
     rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    _, s, vt = la.svd(rows, full_matrices=True)
+    _, s, vt = svd(rows, full_matrices=True)
     rank = int(np.count_nonzero(s > max(inexact, DEPENDENT) * s.max(initial=1.0)))
     return vt[rank:].T.copy(), rank
 
@@ -89,7 +90,7 @@ def row_basis(A: Array) -> Array:
     if A.shape[0] == 0 or norms.max() == 0:
         return np.empty((0, A.shape[0]))
     scale = np.where(norms > DEPENDENT * norms.max(), 1 / np.where(norms > 0, norms, 1.0), 0.0)
-    u, s, _ = la.svd(A * scale[:, None], full_matrices=False)
+    u, s, _ = svd(A * scale[:, None], full_matrices=False)
     if s.size == A.shape[0] and s[-1] > DEPENDENT * s[0]:
         return np.diag(scale)
     return (u[:, s > DEPENDENT * s.max()] * scale[:, None]).T
@@ -150,7 +151,7 @@ def rigid_body_modes(
         Qg, _ = np.linalg.qr(shapes)
         N, _ = np.linalg.qr(N if held is None else held.independent(N))
         outside = N - Qg @ (Qg.T @ N)
-        u, _, _ = la.svd(outside, full_matrices=False)
+        u, _, _ = svd(outside, full_matrices=False)
         shapes = np.hstack([shapes, u[:, : N.shape[1] - geometric]]) if R is not None else N
     if shapes.shape[1] == 0:
         return shapes

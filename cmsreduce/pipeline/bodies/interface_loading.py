@@ -21,6 +21,7 @@ from cmsreduce.assemble import (
 )
 from cmsreduce.config import ReduceKeys
 from cmsreduce.errors import SceneError
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.model import FEModel, InterfaceLoading, Joint, Point, RigidBody, Scene, Substructure
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody
 from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, Guyan, InterfaceReduction, Reduction, reduction
@@ -213,7 +214,7 @@ def _characteristic(flexible: FlexibleBody, cutoff_hz: float) -> NDArray[np.floa
 def _independent(shapes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Orthonormal columns with the same span."""
     lengths = np.linalg.norm(shapes, axis=0)
-    u, s, _ = la.svd(shapes[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
+    u, s, _ = svd(shapes[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
     return np.asarray(u[:, s > _NEW * s.max(initial=0.0)])
 
 

@@ -12,7 +12,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import symmetric_product
+from cmsreduce.linalg.blocks import svd, symmetric_product
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import DofTable, FEModel, Finding, Nodes, rigid_body_shapes
 from cmsreduce.read import STRAINS, StatedEnergy, StatedMass, deck_statement
@@ -172,10 +172,10 @@ def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | 
                 uniform_strains(held, body.nodes, centre) / size,
             ]
         )
-        _, s, vt = la.svd(np.vstack([A, np.zeros((12, 12))]), full_matrices=False)
+        _, s, vt = svd(np.vstack([A, np.zeros((12, 12))]), full_matrices=False)
         fields = vt[s <= _AT_REST * max(float(s[0]), 1.0)].T * np.repeat([1.0, 1 / size, 1 / size], (3, 3, 6))[:, None]
         strain = fields[6:]
-        _, s, vt = la.svd(strain, full_matrices=False) if fields.shape[1] else (None, np.zeros(0), np.zeros((0, 0)))
+        _, s, vt = svd(strain, full_matrices=False) if fields.shape[1] else (None, np.zeros(0), np.zeros((0, 0)))
         keep = s > _AT_REST * s.max(initial=0.0)
         fields, strain = fields @ vt[keep].T, strain @ vt[keep].T
     if not strain.shape[1]:

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import JoinedRows, PointStack, body_receptances
 from cmsreduce.errors import ConfigError, SceneError
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.linalg.response import ResonanceError
 from cmsreduce.model import Configuration, Scene, Substructure, is_gyroscopic
 from cmsreduce.pipeline.bodies import FlexibleBody
@@ -299,7 +299,7 @@ def _orthonormal_rows(rows: Real) -> Real:
     """Orthonormal combinations of motions (p, q) that span some rows (k, p)."""
     length = np.linalg.norm(rows, axis=1)
     rows = rows[length > 0] / length[length > 0, None]
-    _, share, V = la.svd(rows, full_matrices=False)
+    _, share, V = svd(rows, full_matrices=False)
     return np.asarray(V[share > _SAME * share.max(initial=0.0)].T)
 
 

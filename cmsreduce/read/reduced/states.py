@@ -13,6 +13,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError, ReadError
+from cmsreduce.linalg.blocks import svd
 from cmsreduce.model import Source, Units
 from cmsreduce.read.file_kind import read_rows
 from cmsreduce.read.files import sha256_of
@@ -251,7 +252,7 @@ def _of_companion(prove: _Proof, A: Array, B: Array, C: Array) -> _Modes:
         # complex pair, whose real parts are one vector.
         for part in _clusters(lam, _TOGETHER * top):
             if (several := part.stop - part.start) > 1:
-                V[:, part] = la.svd(K - lam[part].mean() * np.eye(h))[2][-several:].T
+                V[:, part] = svd(K - lam[part].mean() * np.eye(h))[2][-several:].T
         if (left := float(abs(K @ V - V * lam).max(initial=0.0))) > _TOGETHER * top:
             prove.refuse(f"an eigenvalue lacks eigenvectors (forces of {left / top:.2g} are left)")
         prove(float(np.finfo(float).eps * np.linalg.cond(V)), "its modes are dependent")
