@@ -17,7 +17,7 @@ from cmsreduce.pipeline.drafts.proposed_interfaces import Place
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.verify import rigid_motions
 
-__all__ = ["QUICK", "first_elastic", "free_motions", "is_held", "softly_tied"]
+__all__ = ["QUICK", "first_elastic", "free_motions", "is_held", "softly_tied", "undetermined_nodes"]
 
 QUICK = 20_000
 """Dofs of a body whose first frequency a draft computes: a larger one takes more than a minute to factorise."""
@@ -35,6 +35,19 @@ def first_elastic(body: FEModel) -> float | None:
     # The run holds what nothing moves, such as the directions that a boundary grid does not have.
     determined = hold_undetermined(body).body
     return _beside_rigid_motions(determined, free_motions(determined))
+
+
+def undetermined_nodes(body: FEModel) -> NDArray[np.int64]:
+    """Nodes that a motion without stiffness and mass displaces, such as a point on a massless arm on a hinge."""
+    if body.n > QUICK:
+        return np.empty(0, dtype=np.int64)
+    try:
+        found = hold_undetermined(body)
+    except CmsReduceError:
+        # The run names what is wrong.
+        return np.empty(0, dtype=np.int64)
+    dofs = found.body.dofs
+    return np.unique(dofs.node[found.moved & (dofs.component > 0) & (dofs.component <= 3)])
 
 
 def softly_tied(place: Place, body: FEModel, hz: float | None, time: float) -> Place:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.config import BodyDraft
 from cmsreduce.model import DofTable, FEModel, Units
 from cmsreduce.pipeline.drafts.coincident_nodes import Meeting
-from cmsreduce.pipeline.drafts.first_mode import softly_tied
+from cmsreduce.pipeline.drafts.first_mode import softly_tied, undetermined_nodes
 from cmsreduce.pipeline.drafts.proposed_interfaces import Place, proposed_interfaces
 from cmsreduce.read import read_cells, read_geometry
 
@@ -81,6 +81,7 @@ def _placed(draft: BodyDraft, body: FEModel, *places: Place) -> BodyDraft:
     axes = translations_of(body.dofs, node)
     # A node that is tied has no rows of its own.
     tied = [node for place in places if place.tied for node in place.nodes]
+    tied += undetermined_nodes(body).tolist()
     seen = np.flatnonzero(np.isin(body.nodes.id, np.setdiff1d(moving_along(body.dofs, axes), tied)))
     # A tie is about the centroid of its nodes.
     about = body.nodes.xyz[body.nodes.index(first.nodes if first.tied else node)].mean(axis=0)
@@ -108,10 +109,11 @@ def cells_of(draft: BodyDraft) -> Mapping[str, NDArray[np.int64]]:
 
 def proposed_places(draft: BodyDraft, body: FEModel) -> list[Place]:
     """Places where the body of the draft could be joined, the best first."""
+    loose = frozenset(undetermined_nodes(body).tolist())
     if draft.geometry is None:
-        return proposed_interfaces(body, {})
+        return proposed_interfaces(body, {}, loose=loose)
     geometry = read_geometry(draft.geometry)
     # A shell has several nodes with rows for each node of its deck, of which a set names those of the deck.
     most = len(geometry.expanded) // 2 or len(geometry.nodes)
     node_sets = {name: ids for name, ids in geometry.node_sets.items() if ids.size <= most}
-    return proposed_interfaces(body, cells_of(draft), node_sets, geometry.expanded)
+    return proposed_interfaces(body, cells_of(draft), node_sets, geometry.expanded, loose)

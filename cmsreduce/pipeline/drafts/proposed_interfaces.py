@@ -82,6 +82,7 @@ def proposed_interfaces(
     cells: Mapping[str, Ids],
     node_sets: Mapping[str, Ids] | None = None,
     expanded: Mapping[int, tuple[int, ...]] | None = None,
+    loose: frozenset[int] = frozenset(),
 ) -> list[Place]:
     """Places where a body could be joined, the best first; none if no node with coordinates has rows.
 
@@ -96,17 +97,19 @@ def proposed_interfaces(
         rows: a tie of a set may stiffen the body.
     expanded : mapping of int to (tuple of int), optional
         Nodes that a node of a shell or a beam became.
+    loose : frozenset of int, optional
+        Nodes at which a load has no answer; their places are last.
     """
     assert body.nodes is not None
     found, sets = list(_sets(body)), list(_named_sets(body, node_sets or {}, expanded or {}))
     lone, (shaped, sets) = list(_lone_nodes(body, cells)), _by_name(list(_shaped(body, cells)), sets)
     turning = (body.dofs.component > _TRANSLATIONS).any()
-    grid = list(_first_grid(body, expanded or {}))
+    grid = list(_first_grid(body, expanded or {}, loose))
     # A grid with rotations takes a joint as it is; a node of a solid leaves the rotations free.
     found += [*lone, *grid, *shaped] if turning and not lone else [*lone, *shaped, *grid]
     first = 0 if expanded else 1
     found[first:first] = sets
-    return found[:_MOST_PLACES]
+    return sorted(found, key=lambda place: bool(loose & {*place.nodes}))[:_MOST_PLACES]
 
 
 def _by_name(shaped: Sequence[Place], sets: Sequence[Place]) -> tuple[list[Place], list[Place]]:
@@ -163,12 +166,11 @@ def _components(body: FEModel) -> dict[int, set[int]]:
     return found
 
 
-def _first_grid(body: FEModel, expanded: Mapping[int, tuple[int, ...]]) -> Iterator[Place]:
+def _first_grid(body: FEModel, expanded: Mapping[int, tuple[int, ...]], loose: frozenset[int]) -> Iterator[Place]:
     """The first node with most dofs; of those that a node of a shell became, the middle one."""
-    components = _components(body)
-    if not components:
+    if not (components := _components(body)):
         return
-    node = max(components, key=lambda each: len(components[each]))
+    node = max(components, key=lambda each: (each not in loose, len(components[each])))
     own, ids = next(((own, ids) for own, ids in expanded.items() if node in ids), (node, (node,)))
     ids = tuple(one for one in ids if one in components)
     node = ids[len(ids) // 2]

@@ -11,10 +11,12 @@ import scipy.sparse as sp
 
 from cmsreduce.config import BodyDraft
 from cmsreduce.model import FEModel, Nodes
+from cmsreduce.pipeline.drafts.first_mode import undetermined_nodes
 from cmsreduce.pipeline.drafts.matrix_roles import Candidate, stiffness_and_mass
 from cmsreduce.pipeline.drafts.mounts import mounted
 from cmsreduce.pipeline.drafts.proposed_interfaces import proposed_interfaces
 from cmsreduce.read import LabelledMatrix
+from tests.mechanics.test_undetermined import led_by_a_point
 from tests.solids import block
 
 BRICK = {"hexahedron": np.array([[1, 5, 7, 3, 2, 6, 8, 4]])}
@@ -85,3 +87,15 @@ def test_names_decide_where_the_content_does_not(files: tuple[str, str]) -> None
     ]
     draft = stiffness_and_mass("bar", every, None, (), "")
     assert (draft.stiffness[0].name, draft.mass[0].name) == files
+
+
+def test_a_point_on_a_hinge_without_mass_is_the_last_place_of_a_mount() -> None:
+    """A load at node 99 has no answer: nothing resists its turn about the edge, and it has no mass."""
+    made = block("bar", (1.0, 0.2, 0.1), (4, 2, 1))
+    edge = np.flatnonzero((made.nodes.xyz[:, 0] == 1.0) & (made.nodes.xyz[:, 2] == 0.0)) + 1
+    for arm, loose in ((0.1, [99]), (0.0, [])):
+        body = led_by_a_point(made, edge, np.array([arm, 0.0, 0.05 * bool(arm)]))
+        assert undetermined_nodes(body).tolist() == loose
+        places = proposed_interfaces(body, {}, loose=frozenset(loose))
+        assert (places[0].nodes != (99,)) == bool(loose)
+        assert proposed_interfaces(body, {})[0].nodes == (99,)
