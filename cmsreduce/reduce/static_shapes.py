@@ -21,7 +21,14 @@ from cmsreduce.linalg.blocks import (
     row_blocks,
     symmetric_product,
 )
-from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, Solve, factorise, held_factor
+from cmsreduce.linalg.sparse import (
+    BLOCK,
+    ElasticFlexibility,
+    NotPositiveDefiniteError,
+    Solve,
+    factorise,
+    held_factor,
+)
 from cmsreduce.model import FEModel
 
 __all__ = ["Loads", "elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]
@@ -40,6 +47,8 @@ _BEYOND_MODES = 1e-18
 _ROUND_OFF = 1e-28
 # Shapes of a basis are dependent when the others leave less than this share of one's strain energy.
 _DEPENDENT = 1e-13
+# Relative rounding of entries that are printed with twelve digits or fewer.
+_FEW_DIGITS = 1e-12
 # The root of rounding: from an error of orthonormality this small, a step of Newton's iteration leaves rounding.
 _NEARLY_ORTHONORMAL = 1e-8
 
@@ -157,13 +166,28 @@ def elastic_solve(body: FEModel, rigid: Array, interface: Rows | None = None) ->
     """Flexibility of a body as it is: elastic where it is free to move, K^-1 where it is held.
 
     With the rows of the interface, as of `held_factor`, the factor is the one that proved the stiffness of the body.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        If the stiffness leaves other motions free than the rigid ones; with its digits if they are few.
     """
-    if rigid.shape[1]:
-        return ElasticFlexibility(body.K, body.M, rigid, interface)
     what = f"body '{body.name}': the stiffness"
-    if interface is None:
-        return factorise(body.K, what=what, kept=True)
-    return held_factor(body.K, rigid, what, interface)[-1]
+    try:
+        if rigid.shape[1]:
+            return ElasticFlexibility(body.K, body.M, rigid, interface)
+        if interface is None:
+            return factorise(body.K, what=what, kept=True)
+        return held_factor(body.K, rigid, what, interface)[-1]
+    except NotPositiveDefiniteError as error:
+        if body.stiffness_rounding < _FEW_DIGITS:
+            raise
+        raise NotPositiveDefiniteError(
+            f"{error}. Its entries are known to {body.stiffness_rounding:.0e} of their size, which soft motions, "
+            "as of a thin plate, may need: write the matrices with all digits of a double-precision number, in text "
+            "with sixteen",
+            error.row,
+        ) from error
 
 
 def unit_loads(n: int, rows: Rows, others: Array | None = None) -> sp.csc_array:

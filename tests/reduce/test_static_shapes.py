@@ -1,17 +1,21 @@
 """Static shapes under loads that repeat one another, or that the basis holds already."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.sparse import factorise
 from cmsreduce.model import DofTable, FEModel, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, MacNealRubin
 from cmsreduce.reduce.static_shapes import elastic_solve, independent_columns, residual_shapes, unit_loads
-from tests.frames import frame, line
+from tests.frames import frame, line, rotation
+from tests.plates import isotropic_laminate, plate_body
 
 
 @pytest.fixture(scope="module")
@@ -165,3 +169,19 @@ def test_loads_that_bend_nothing_add_no_shapes():
     mode = np.array([[1.0, 0, 0, -1, 0, 0]]).T / np.sqrt(2)
     Psi, number = residual_shapes(elastic_solve(body, rigid), body.K, np.eye(6), mode, body.M)
     assert Psi.shape == (6, 0) and number.size == 0
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_thin_plate_with_too_few_digits_is_refused_with_them(held):
+    """Eight digits of the stiffness of a plate of 0.1 mm against stretch are more than all of that against bending."""
+    x = [[i / 20, j / 20, 0.0] for i in range(21) for j in range(5)]
+    cells = [[5 * i + j + 1, 5 * i + j + 6, 5 * i + j + 7, 5 * i + j + 2] for i in range(20) for j in range(4)]
+    turn = rotation([1, 2, 3], 0.8)
+    made = plate_body("plate", np.array(x) @ turn.T, cells, lambda _: isotropic_laminate(7e10, 0.3, 1e-4))
+    kept = np.flatnonzero(made.dofs.node > 5 * held)
+    R = rigid_body_shapes(made.dofs, made.nodes)[kept][:, : 6 * (not held)]
+    K = made.K[kept][:, kept]
+    K.data = np.array([float(f"{value:.7e}") for value in K.data])
+    body = replace(made, K=sp.csc_array((K + K.T) / 2), M=made.M[kept][:, kept], dofs=made.dofs[kept], rounding=5e-9)
+    with pytest.raises(MatrixError, match=r"not positive definite.*known to 5e-09 of their size.*write the matrices"):
+        elastic_solve(body, np.linalg.qr(R)[0] if R.size else R)
