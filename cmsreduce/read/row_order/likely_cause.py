@@ -102,6 +102,7 @@ def likely_cause(case: Failure) -> str:
         _rounded_stiffness,
         _springs_between_apart_nodes,
         _held_to_ground,
+        _rotations_to_ground,
         _coarse_coordinates,
         _unexplained,
     )
@@ -289,6 +290,18 @@ def _held_to_ground(case: Failure) -> str | None:
         f"body by one unit of length costs {force:.3g} units of force there) or because nodes next to it are fixed by "
         "a support that is not in the geometry file. Add the support to the geometry, or remove the spring; a body "
         "that is meant to be held is `grounded: true` (its other nodes are still proven)"
+    )
+
+
+def _rotations_to_ground(case: Failure) -> str | None:
+    """Forces on rotations alone: coordinates or rows that are wrong would load translations, too."""
+    bad = case.found.excess > 1
+    if not case.only_turning or (case.body.dofs.component[bad] <= 3).any():
+        return None
+    return (
+        "springs between the ground and rotations: no translation is loaded, as it would be by wrong coordinates. "
+        "Programs hold rotations about the normal of plates so (PARAM,K6ROT of MYSTRAN), and the body does not turn "
+        "freely: write the matrices without this stiffness"
     )
 
 

@@ -88,3 +88,17 @@ def plane_of_plates() -> FEModel:
     x = [[0.3 * i, 0.2 * j, 0.1 * i * j] for i in range(4) for j in range(3)]
     cells = [[k + 1, k + 4, k + 5, k + 2] for k in (0, 1, 3, 4, 6, 7)]
     return plate_body("shell", x, cells, lambda e: isotropic_laminate(7e10, 0.3, 0.01))
+
+
+def test_rotations_held_by_springs_are_named():
+    """As plates of MYSTRAN with K6ROT; a node of wrong coordinates would load translations, too."""
+    x = [[i / 4, j / 4, 0.0] for i in range(5) for j in range(3)]
+    cells = [[3 * i + j + 1, 3 * i + j + 4, 3 * i + j + 5, 3 * i + j + 2] for i in range(4) for j in range(2)]
+    made = plate_body("plate", x, cells, lambda _: isotropic_laminate(7e10, 0.3, 0.003))
+    assert prove_row_order(made).status == "proven"
+    drilling = sp.diags_array(np.where(made.dofs.component == 6, 1e-3 * made.K.diagonal(), 0.0))
+    with pytest.raises(DofMapError, match=r"Likely cause: springs between the ground and rotations"):
+        prove_row_order(replace(made, K=sp.csc_array(made.K + drilling)))
+    moved = replace(made.nodes, xyz=made.nodes.xyz + 1e-5 * np.random.default_rng(0).standard_normal((15, 3)))
+    with pytest.raises(DofMapError, match="too few digits"):
+        prove_row_order(replace(made, nodes=moved))
