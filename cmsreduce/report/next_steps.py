@@ -48,9 +48,12 @@ def _steps(run: RunResult, found: Finding) -> Iterator[str]:
     if math.isnan(found.value):
         yield from _to_measure(run)
     elif found.name == "static_lack" or found.name == "gain_error":
-        yield (
-            "static responses: add residual vectors, `reduce: {residuals: [actuators, sensors]}`, which make them exact"
-        )
+        given = (run.settings.get("reduce") or {}).get("residuals") or ()
+        if not {"actuators", "sensors"} <= set(given):
+            yield (
+                "static responses: add residual vectors, `reduce: {residuals: [actuators, sensors]}`, which make them "
+                "exact"
+            )
     elif found.name in _OF_PEAKS and _undamped(run):
         yield (
             "nothing in the system is damped: its responses are infinite at every natural frequency, and the smallest "

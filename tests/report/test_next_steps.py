@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cmsreduce.model import RunResult
+from cmsreduce.model import ReductionChecks, RunResult
 from cmsreduce.report.next_steps import next_steps
 from tests.report.conftest import MakeRun
 
@@ -84,3 +84,12 @@ def test_without_damping_no_cutoff_is_high_enough(make_run: MakeRun) -> None:
     assert steps[0].startswith("nothing in the system is damped") and "cutoff" not in steps[0]
     assert any("raise `reduce.cutoff`" in step for step in steps[1:])
     assert not any("damped" in step for step in next_steps(run))
+
+
+@pytest.mark.parametrize("given", [[], ["sensors"], ["sensors", "actuators"]])
+def test_residual_vectors_that_are_there_are_not_proposed(make_run: MakeRun, given: list[str]) -> None:
+    run = make_run(limits={"static_lack": 0.01}, settings={"reduce": {"residuals": given}})
+    run = replace(run, checks=ReductionChecks({"rotor": {"interface 'tip'": 0.02}}))
+    assert [finding.name for finding in run.verdict.broken] == ["static_lack"]
+    steps = next_steps(run)
+    assert steps == () if len(given) == 2 else "residuals: [actuators, sensors]" in steps[0]
