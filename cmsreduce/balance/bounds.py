@@ -54,7 +54,8 @@ def mode_bounds(channels: ModalChannels) -> tuple[list[NDArray[np.int64]], list[
     With p = |c1|^2, q = |c2|^2 and x = w^2 the square of one mode's gain is
     |b|^2 (p + q x) / ((w_i^2 - x)^2 + 4 zeta^2 w_i^2 x). Its largest value is at the root of
     q x^2 + 2 p x = q w_i^4 + 2 p w_i^2 (1 - 2 zeta^2), or at zero: |b||c1| / (2 zeta sqrt(1 - zeta^2) w_i^2) for
-    displacements, |b||c2| / (2 zeta w_i) for rates.
+    displacements, |b||c2| / (2 zeta w_i) for rates. With a structural loss factor g = 2 zeta the last x in the divisor
+    is w_i^2, and the right-hand side q w_i^4 (1 + g^2) + 2 p w_i^2.
 
     The terms of a repeated mode add up to one with p = ||C1 B||_2^2 and q = ||C2 B||_2^2, if their frequencies and
     damping agree; the effect of their differences is bounded mode by mode and added.
@@ -63,7 +64,7 @@ def mode_bounds(channels: ModalChannels) -> tuple[list[NDArray[np.int64]], list[
     number = repeated_groups(channels.omega)
     groups = [np.flatnonzero(number == k) for k in range(number.max(initial=-1) + 1)]
     b, p, q = _squares(channels)
-    single = np.sqrt(b) * _peak(channels.omega, channels.zeta, p, q)
+    single = np.sqrt(b) * _peak(channels.omega, channels.zeta, p, q, channels.structural)
     return groups, [
         float(single[g[0]]) if g.size == 1 else min(float(single[g].sum()), _repeated(channels.only(g), single[g]))
         for g in groups
@@ -149,14 +150,14 @@ def _squares(channels: ModalChannels) -> tuple[Real, Real, Real]:
     )
 
 
-def _peak(omega: Real, zeta: Real, p: Real, q: Real) -> Real:
-    """Largest sqrt(p + q x) / |w^2 - x + 2 i zeta w sqrt(x)| over x >= 0, mode by mode."""
+def _peak(omega: Real, zeta: Real, p: Real, q: Real, structural: bool) -> Real:
+    """Largest sqrt(p + q x) / |w^2 - x + 2 i zeta w sqrt(x)| over x >= 0, mode by mode; structural: 2 i zeta w^2."""
     # In units of the mode's own frequency, so that none of its powers is out of range.
-    s = q * omega**2
-    slope = s + 2 * p * (1 - 2 * zeta**2)
+    s, g = q * omega**2, 4 * zeta**2
+    slope = s * (1 + g) + 2 * p if structural else s + p * (2 - g)
     root = np.sqrt(np.maximum(p**2 + s * slope, 0.0))
     x = np.divide(np.maximum(slope, 0.0), p + root, out=np.zeros_like(p), where=p + root > 0)
-    return np.asarray(np.sqrt((p + s * x) / ((1 - x) ** 2 + 4 * zeta**2 * x)) / omega**2)
+    return np.asarray(np.sqrt((p + s * x) / ((1 - x) ** 2 + g * (1.0 if structural else x))) / omega**2)
 
 
 def _repeated(channels: ModalChannels, single: Real) -> float:
@@ -169,13 +170,17 @@ def _repeated(channels: ModalChannels, single: Real) -> float:
         z[middle : middle + 1],
         np.array([_spectral(channels.C1 @ channels.B) ** 2]),
         np.array([_spectral(channels.C2 @ channels.B) ** 2]),
+        channels.structural,
     )
-    # 1/Z_i - 1/Z_0 = (Z_0 - Z_i) / (Z_i Z_0), with Z_0 - Z_i = w_0^2 - w_i^2 + 2 i w (zeta_0 w_0 - zeta_i w_i).
+    # 1/Z_i - 1/Z_0 = (Z_0 - Z_i) / (Z_i Z_0), with Z_0 - Z_i = w_0^2 - w_i^2 + 2 i w (zeta_0 w_0 - zeta_i w_i), or
+    # (1 + 2 i zeta) (w_0^2 - w_i^2) of one loss factor.
     one, none = np.ones(1), np.zeros(1)
     still, moving = (
-        float(_peak(np.array([w0]), np.array([z0]), *weights)[0]) for weights in ((one, none), (none, one))
+        float(_peak(np.array([w0]), np.array([z0]), *weights, channels.structural)[0])
+        for weights in ((one, none), (none, one))
     )
-    apart = abs(w - w0) * (w + w0) * still + 2 * abs(z * w - z0 * w0) * moving
+    apart = abs(w - w0) * (w + w0) * still
+    apart = apart * abs(1 + 2j * z0) if channels.structural else apart + 2 * abs(z * w - z0 * w0) * moving
     return float(together[0] + single @ apart)
 
 
@@ -189,7 +194,8 @@ def _gains(channels: ModalChannels, omega: Real) -> Real:
     rows = channels.C1.shape[0] + channels.C2.shape[0]
     for part in frequency_blocks(omega.size, 16 * rows * (2 * channels.B.shape[1] + 3 * channels.count)):
         x = omega[part, None]
-        weight = 1 / (channels.omega**2 - x**2 + 2j * channels.zeta * channels.omega * x)
+        damping = 2j * channels.zeta * channels.omega * (channels.omega if channels.structural else x)
+        weight = 1 / (channels.omega**2 - x**2 + damping)
         C = np.concatenate([channels.C1 * weight[:, None], channels.C2 * (1j * x * weight)[:, None]], axis=1)
         gain[part] = np.linalg.norm(C @ channels.B, 2, axis=(1, 2))
     return gain

@@ -116,6 +116,9 @@ class ModalChannels:
         Modal input matrix: interface forces and actuators.
     C1, C2 : (outputs, e) float64
         Modal displacement and rate output matrices: sensors and interface motions. Their rows may differ in number.
+    structural : bool
+        True if the damping is structural: 2 i zeta w^2 q in place of 2 zeta w q'. Bounds take it so; Gramians, which
+        need a real state space, take the ratios.
 
     Raises
     ------
@@ -129,6 +132,7 @@ class ModalChannels:
     B: NDArray[np.float64]
     C1: NDArray[np.float64]
     C2: NDArray[np.float64]
+    structural: bool = False
 
     def __post_init__(self) -> None:
         e = self.omega.size
@@ -151,7 +155,8 @@ class ModalChannels:
     def only(self, modes: ArrayLike) -> ModalChannels:
         """Some of the modes, with all inputs and outputs."""
         k = np.asarray(modes, dtype=np.int64)
-        return ModalChannels(self.body, self.omega[k], self.zeta[k], self.B[k], self.C1[:, k], self.C2[:, k])
+        B, C1, C2 = self.B[k], self.C1[:, k], self.C2[:, k]
+        return ModalChannels(self.body, self.omega[k], self.zeta[k], B, C1, C2, self.structural)
 
 
 @dataclass(frozen=True, eq=False)

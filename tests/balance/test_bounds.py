@@ -94,6 +94,31 @@ def test_a_single_mode_has_its_closed_form(zeta):
     assert elastic_norm(both) == pytest.approx(bound, rel=1e-12)
 
 
+@pytest.mark.parametrize("g", [1e-3, 0.2, 0.9])
+def test_structural_damping_has_a_bound_of_its_own(g: float) -> None:
+    """Of a rate, viscous damping of the ratio g/2 gives less than the loss factor g: by g^2 / 8."""
+    w, bodies = 7.0, [channels([7.0], [g / 2], [[1.0]], p * np.ones((1, 1)), q * np.ones((1, 1))) for p, q in RATES]
+    bodies += [replace(random_body(seed, 6, True, 0.1), zeta=np.full(6, g / 2)) for seed in range(9)]
+    for body in (replace(each, structural=True) for each in bodies):
+        at = np.concatenate([[0.0], np.outer(body.omega, 1 + np.linspace(-2 * g, 2 * g, 401)).ravel().clip(0)])
+        gain = 1 / (body.omega**2 * (1 + 1j * g) - at[:, None] ** 2)
+        H = np.concatenate([np.einsum("oi,fi,ij->foj", C, gain * f, body.B) for C, f in loaded(body, at)], axis=1)
+        largest, bound = np.linalg.norm(H, 2, axis=(1, 2)).max(), sum(mode_bounds(body)[1])
+        assert largest <= bound * (1 + ROUNDING) and largest <= elastic_norm(body) * (1 + 1e-3)
+        if body.count == 1:
+            assert elastic_norm(body) == pytest.approx(bound, rel=1e-12) and bound == pytest.approx(largest, rel=1e-3)
+    rate = 1 / np.sqrt(2 * (np.sqrt(1 + g**2) - 1)) / w
+    assert mode_bounds(replace(bodies[0], structural=True))[1] == pytest.approx([rate], rel=1e-10)
+
+
+# Weights of displacement and rate of a mode.
+RATES = [(0.0, 1.0), (1.0, 0.0), (20.0, 1.0)]
+
+
+def loaded(body: ModalChannels, at: np.ndarray):
+    return (body.C1, np.ones((at.size, 1))), (body.C2, 1j * at[:, None])
+
+
 def test_a_repeated_mode_is_one_term():
     """Two modes of one frequency that drive different outputs from different inputs: their norms are no sum."""
     two = channels([5.0, 5.0], [0.01, 0.01], np.eye(2), np.eye(2), np.zeros((0, 2)))

@@ -64,6 +64,7 @@ def modal_channels(component: ModalComponent, ports: Ports) -> ModalChannels:
         np.hstack([at_interface.T, Phi.T @ ports.loads]),
         np.vstack([at_interface, observed(ports.displacements, Phi)]),
         np.vstack([at_interface, observed(ports.rates, Phi)]),
+        structural=component.damping.structural is not None,
     )
 
 
