@@ -160,16 +160,18 @@ def _named(body: FEModel, text: str) -> list[Array]:
 
 
 def _damper_forces(body: FEModel) -> list[Array]:
-    """Forces that the body's damping matrix exerts: its columns, where dampers are few."""
-    if body.D is None:
+    """Forces that damping matrices exert, of the body and of its parameters: their columns, where dampers are few."""
+    matrices = [sp.csc_array(term.matrix) for term in body.terms if term.letter == "D"]
+    D = sp.csc_array(sp.hstack([*matrices, *([] if body.D is None else [body.D])])) if matrices else body.D
+    if D is None:
         return []
-    damped = np.flatnonzero(np.diff(body.D.indptr))
+    damped = np.flatnonzero(np.diff(D.indptr))
     if damped.size > _MOST_DAMPED:
         raise SceneError(
             f"component '{body.name}': its damping matrix acts on {damped.size} dofs; residual vectors for `dampers` "
             f"are for discrete ones, on at most {_MOST_DAMPED} dofs. Take `dampers` out of its residuals"
         )
-    return list(body.D[:, damped].toarray().T)
+    return list(D[:, damped].toarray().T)
 
 
 def _wheel_moments(body: FEModel) -> list[Array]:

@@ -5,25 +5,29 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar, Self
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import ConfigError, MatrixError, SingularInterfaceError, UnitsError
 from cmsreduce.linalg.blocks import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import (
+    Damping,
     FEModel,
     ModalComponent,
     ModeBlock,
     ModeSet,
     ReducedComponent,
+    Values,
     parameter_label,
     rigid_body_shapes,
+    varied,
 )
 from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.corners import rigid_at, with_corners
@@ -72,7 +76,8 @@ class Reduction(ABC):
     cutoff_hz : float
         Normal modes are kept up to this frequency, all of them.
     damped : bool
-        Also span the damped modes of a body with a damping matrix, up to 0.8 of this frequency.
+        Also span the damped modes of a body with a damping matrix, up to 0.8 of this frequency, those with the damping
+        of its parameters included.
     """
 
     method: ClassVar[str]
@@ -205,7 +210,11 @@ class Reduction(ABC):
         return Examined(project(body, modes, rigid), missed, richer)
 
     def _also_damped(self, basis: Basis, body: FEModel, rigid: Array) -> Basis:
-        return with_damped_modes(basis, body, rigid, self.cutoff_hz) if self.damped else basis
+        """The basis with the damped modes of its body, those at corners that change the damping alone included."""
+        for values in ({}, *body.corners) if self.damped else ():
+            if body.undamped_at(values) is body:
+                basis = with_damped_modes(basis, _with_damping_at(body, body, values), rigid, self.cutoff_hz)
+        return basis
 
     def _at_corners(
         self, body: FEModel, interface: ArrayLike | None, loads: Array | None, rigid: Array, *, enriched: bool = False
@@ -217,7 +226,7 @@ class Reduction(ABC):
             try:
                 if (there := body.undamped_at(values)) is body:
                     continue
-                own = rigid_at(body, values, rigid)
+                own, there = rigid_at(body, values, rigid), _with_damping_at(there, body, values)
                 basis = self.basis(there, _i_set(there, interface), own, _loads(there, loads))
                 basis = self._also_damped(basis, there, own)
                 found.append((label, basis.enriched() if enriched else basis.modes))
@@ -276,6 +285,13 @@ def kept_rigid(body: FEModel, rigid: Array) -> ReducedComponent:
     """Reduce a body to its rigid-body modes (n, r), orthonormal in M: no factor and no eigenproblem is needed."""
     labels = [f"rigid {motion + 1}" for motion in range(rigid.shape[1])]
     return project(body, ModeSet.of("rigid", [ModeBlock("rigid", rigid, labels)]), rigid)
+
+
+def _with_damping_at(there: FEModel, body: FEModel, values: Values) -> FEModel:
+    """A body with the damping matrix that another one has at some values of its parameters, and no damping law."""
+    D = varied(body.D, body.terms, "D", values)
+    assert D is None or isinstance(D, sp.csc_array)
+    return replace(there, D=D, damping=Damping())
 
 
 def _i_set(body: FEModel, interface: ArrayLike | None) -> Rows:

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from cmsreduce.assemble import body_ports
 from cmsreduce.errors import SceneError
-from cmsreduce.model import DofTable, FEModel, Scene
+from cmsreduce.model import Damping, DofTable, FEModel, ParameterTerm, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import METHODS, SceneKrylov, reduction
 from tests.assemble.rigs import at, strut
@@ -54,6 +55,23 @@ def test_sensors_as_residuals_are_loads_along_what_they_measure():
     assert np.count_nonzero(ports.residuals) == 2
     np.testing.assert_allclose(ports.static_loads, ports.residuals)
     assert ports.displacements.shape[0] == ports.rates.shape[0] == 1
+
+
+def test_dampers_as_residuals_are_those_of_the_body_and_of_its_parameters():
+    body = bar()
+    own, other = (strut_damper(body, node) for node in (2, 4))
+    body = replace(body, D=own, damping=Damping(), terms=(ParameterTerm("c", "D", other),))
+    loads = body_ports(body, scene(), ["dampers"]).residuals
+    for D in (own, other):
+        wanted = D.toarray()
+        assert abs(loads @ np.linalg.lstsq(loads, wanted)[0] - wanted).max() < 1e-12
+    assert np.linalg.matrix_rank(loads) == 2
+
+
+def strut_damper(body: FEModel, node: int) -> sp.csc_array:
+    along = np.zeros((body.n, 1))
+    along[[row(body, node, 1), row(body, node + 2, 1)], 0] = -1, 1
+    return sp.csc_array(along @ along.T)
 
 
 @pytest.mark.parametrize(

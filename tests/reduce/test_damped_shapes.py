@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import Damping, FEModel, ReducedComponent
+from cmsreduce.model import Damping, FEModel, ParameterTerm, ReducedComponent
 from cmsreduce.reduce import CraigBampton, MacNealRubin, reduction
 from tests.frames import line
 
@@ -69,6 +69,23 @@ def test_free_modes_are_those_of_the_body() -> None:
     assert worst(found(usual, every[0]), exact) > 1e-4
     assert worst(found(ours, every[1]), exact) < 1e-8
     assert ours.rigid.shape[1] == 6
+
+
+@pytest.mark.parametrize("stiffer", [False, True])
+def test_dampers_of_a_parameter_are_those_of_the_body(stiffer: bool) -> None:
+    """The damper is there only with its parameter, which may change the stiffness, too."""
+    body = damped()
+    assert body.D is not None
+    terms = [ParameterTerm("c", "D", sp.csc_array(body.D / 4), 2)]
+    if stiffer:
+        terms.append(ParameterTerm("c", "K", sp.csc_array(0.3 * body.K)))
+    varies = replace(body, D=None, terms=tuple(terms), corners=({"c": 2.0},))
+    K = (1.6 if stiffer else 1.0) * body.K
+    exact = roots(body.M.toarray(), body.D.toarray(), K.toarray(), CUTOFF / 1.25)
+    for on, less, most in ((False, 1e-4, 1.0), (True, 0.0, 1e-8)):
+        Phi = np.asarray(MacNealRubin(CUTOFF, damped=on).reduce(varies).modes.Phi)
+        found = roots(*(Phi.T @ (A @ Phi) for A in (body.M, body.D, K)), CUTOFF / 1.25)
+        assert less <= worst(found, exact) < most
 
 
 def test_proportional_damping_needs_no_more_shapes() -> None:

@@ -107,7 +107,8 @@ def reference(
         if not (wide or damped_by_modes(body, rigid)):
             return Reference(None, "sparse dofs")
         return Reference(all_modes(body, rigid), ALL_MODES)
-    method = MacNealRubin(_BEYOND_CUTOFF * cutoff_hz, damped=body.D is not None)
+    damped = body.D is not None or any(term.letter == "D" for term in body.terms)
+    method = MacNealRubin(_BEYOND_CUTOFF * cutoff_hz, damped=damped)
     modes = orthogonalise(method.reduce(body, ports.interface, ports.static_loads, rigid, enriched=True))
     return Reference(modes, f"modes to {_BEYOND_CUTOFF:g} x cutoff")
 

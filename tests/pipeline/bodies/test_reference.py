@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.assemble import body_points, body_ports, frequency_response, modal_substructure, physical_substructure
-from cmsreduce.model import Damping, Point, Scene
+from cmsreduce.model import Damping, ParameterTerm, Point, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import MacNealRubin
 from cmsreduce.verify import channel_scales, frf_error
@@ -65,22 +65,26 @@ def test_static_responses_to_the_inertia_of_static_shapes_bring_the_response_nea
     assert assembled(found_modes).m == less.omega.size + 13
 
 
-@pytest.mark.parametrize("strength", [3e4, 1e7])
-def test_damped_modes_stand_in_for_a_body_with_dampers(bar, monkeypatch, strength: float) -> None:
+@pytest.mark.parametrize(("strength", "by_parameter"), [(3e4, False), (1e7, False), (3e4, True)])
+def test_damped_modes_stand_in_for_a_body_with_dampers(bar, monkeypatch, strength: float, by_parameter: bool) -> None:
     """Dampers between points that no load acts on: in normal modes both models lacked the same motions."""
     rows = np.zeros((bar.n, 2))
     for column, nodes in enumerate(((40, 85), (60, 120))):
         ends = bar.dofs.rows(nodes[0], np.arange(1, 4)), bar.dofs.rows(nodes[1], np.arange(1, 4))
         along = np.diff(bar.nodes.xyz[bar.nodes.index(np.array(nodes))], axis=0)[0]
         rows[ends[0], column], rows[ends[1], column] = -along, along
-    damped = replace(bar, damping=Damping(), D=sp.csc_array(1e-7 * bar.K + strength * (rows @ rows.T)))
+    small, dampers = sp.csc_array(1e-7 * bar.K), sp.csc_array(strength * (rows @ rows.T))
+    damped = replace(bar, damping=Damping(), D=sp.csc_array(small + dampers))
+    if by_parameter:
+        term = ParameterTerm("c", "D", sp.csc_array(0.5 * dampers))
+        damped = replace(bar, damping=Damping(), D=small, terms=(term,), corners=({"c": 2.0},))
     ports, rigid, points = body_ports(damped, SCENE), rigid_modes(bar), body_points(SCENE, bar)
     monkeypatch.setattr(references, "SPARSE_LIMIT", 0)
     found = references.reference(damped, ports, rigid, CUTOFF_HZ)
     assert found.label == "modes to 2 x cutoff"
     omega = 2 * np.pi * np.geomspace(20.0, BAND_HZ, 120)
     exact, own = (
-        frequency_response({"bar": sub}, SCENE, SCENE.configurations[0], omega)
+        frequency_response({"bar": sub.at({"c": 2.0})}, SCENE, SCENE.configurations[0], omega)
         for sub in (physical_substructure(damped, points, rigid), modal_substructure(found.modes, points))
     )
     error = frf_error(omega, exact, own, *channel_scales(SCENE.actuators, SCENE.sensors, exact, exact))
