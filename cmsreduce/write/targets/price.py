@@ -36,7 +36,7 @@ def price_of(
         return ()
     if target == "exudyn" and component.arrays["modes/damping"].any():
         return (f"{component.name}: {_UNDAMPED}",)
-    if (target, dialect) == ("mbdyn", "lumped"):
+    if target in ("discos", "dads") or (target, dialect) == ("mbdyn", "lumped"):
         return (lumped_price(component, integrals),)
     if (target, dialect) == ("mbdyn", "first-order"):
         return (spin_price(flexible_body(component, integrals, slow=True)),)

@@ -44,6 +44,12 @@ def test_lumps_of_a_held_body_whose_modes_are_all_its_motions() -> None:
     np.testing.assert_allclose(np.array(by, dtype=float), 100 * (changed - 1), atol=0.051)
 
 
+def test_nodal_data_have_the_price_of_lumps() -> None:
+    body = particles()
+    for target in ("discos", "dads"):
+        assert price_of(body.file, body.integrals, target, None) == (lumped_price(body.file, body.integrals),)
+
+
 def test_what_exudyn_loses_is_said() -> None:
     body = particles()
     assert "no place for modal damping" in price_of(body.file, body.integrals, "exudyn", None)[0]
