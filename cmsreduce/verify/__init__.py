@@ -56,6 +56,7 @@ from cmsreduce.verify.modal_identities import (
 from cmsreduce.verify.mode_pairing import (
     FrequencyPairs,
     ModePairing,
+    complex_mac,
     lost_complex_modes,
     pair_complex_modes,
     pair_frequencies,
@@ -126,6 +127,7 @@ __all__ = [
     "momentum_residual",
     "negative_directions",
     "open_loop",
+    "complex_mac",
     "lost_complex_modes",
     "pair_complex_modes",
     "pair_frequencies",

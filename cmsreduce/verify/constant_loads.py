@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.sparse import ElasticFlexibility, factorise, motions_held
 from cmsreduce.model import FEModel, GainSum, ModalComponent
 
@@ -136,13 +137,18 @@ def gain_sum(omega: Array, B: Array, C: Array, static: Array | None = None, reac
     reach : (outputs, inputs) float64, optional
         Largest static gain that the inputs and outputs could have, static modes included; without these by default. A
         gain far below it is rounding, and zero here.
+
+    Notes
+    -----
+    Modes of one frequency count together: in any rotation of them, what each has alone is another number.
     """
-    gain = np.einsum("yk,ku,k->kyu", C, B, 1 / omega**2)
+    _, first = np.unique(repeated_groups(omega), return_index=True)
+    gain = np.add.reduceat(np.einsum("yk,ku,k->kyu", C, B, 1 / omega**2), first)
     direct = np.zeros(gain.shape[1:]) if static is None else static
     if reach is None:
         reach = np.outer(np.linalg.norm(C / omega, axis=1), np.linalg.norm(B / omega[:, None], axis=0))
     joined = abs(gain).sum(axis=0) + abs(direct) > _APART * reach
-    return GainSum(omega / (2 * np.pi), np.where(joined, gain, 0.0), np.where(joined, direct, 0.0))
+    return GainSum(omega[first] / (2 * np.pi), np.where(joined, gain, 0.0), np.where(joined, direct, 0.0))
 
 
 def step_response(A: Array, B: Array, C: Array, D: Array, step: float, count: int) -> Array:

@@ -14,6 +14,7 @@ __all__ = [
     "FrequencyPairs",
     "ModePairing",
     "closest_pairs",
+    "complex_mac",
     "lost_complex_modes",
     "pair_complex_modes",
     "pair_frequencies",
@@ -44,6 +45,8 @@ _CRITICAL = 0.99
 # Shapes with this share of the largest MAC look as much alike: where modes are repeated or damping mixes close ones, a
 # shape may be any mixture, and the partner is the nearest root among them.
 _AS_ALIKE = 0.5
+# Damping ratios of modes that are one space agree to this share, so that it is all that a ratio may gain by it.
+_ONE_RATIO = 1e-2
 # A reduced mode outside of the band is the partner of one inside if its MAC is above this.
 _ALIKE_OUTSIDE = 0.9
 
@@ -265,12 +268,36 @@ def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float, 
     )
 
 
+def complex_mac(roots: NDArray[np.complex128], cross: NDArray[np.complex128], own: NDArray[np.complex128]) -> Array:
+    """MAC (f, k) of reduced modes with reference modes, or with the space of those that share a root.
+
+    Parameters
+    ----------
+    roots : (f,) complex128
+        Of the reference modes in rad/s, Im s > 0. Modes share one whose frequencies and damping ratios are alike: their
+        shapes may be any combinations of each other, and need not be orthogonal.
+    cross : (f, k) complex128
+        x_full^H M x_reduced, both of unit length in M.
+    own : (f, f) complex128
+        x_full^H M x_full.
+    """
+    mac = np.asarray(abs(cross) ** 2, dtype=np.float64)
+    size = np.asarray(abs(roots), dtype=np.float64)
+    zeta, order = -roots.real / size, np.argsort(size, kind="stable")
+    group = _groups(size[order])
+    # By damping ratio among those of one frequency.
+    order = order[np.lexsort((zeta[order], group))]
+    new = (np.diff(group) > 0) | (np.diff(zeta[order]) > _ONE_RATIO * abs(zeta[order][1:]) + _UNDAMPED)
+    for members in np.split(order, np.flatnonzero(new) + 1):
+        if members.size > 1:
+            part, V = la.eigh(own[np.ix_(members, members)])
+            apart = part > _DEPENDENT * part[-1]
+            mac[members] = np.sum(abs((V[:, apart] / np.sqrt(part[apart])).conj().T @ cross[members]) ** 2, axis=0)
+    return mac
+
+
 def pair_complex_modes(
-    full: NDArray[np.complex128],
-    reduced: NDArray[np.complex128],
-    cross: NDArray[np.complex128],
-    band_hz: float,
-    low_hz: float = 0.0,
+    full: NDArray[np.complex128], reduced: NDArray[np.complex128], mac: Array, band_hz: float, low_hz: float = 0.0
 ) -> DampedPairs:
     """Pair each oscillating mode of the reduced system in the band with a reference mode of like shape.
 
@@ -278,20 +305,20 @@ def pair_complex_modes(
     ----------
     full, reduced : (f,), (k,) complex128
         Roots s in rad/s, Im s > 0.
-    cross : (f, k) complex128
-        x_full^H M x_reduced, both of unit length in M.
+    mac : (f, k) float64
+        Of `complex_mac`.
     band_hz, low_hz : float
         Ends of the band. Reduced modes with |s| outside of it are left out, unless a reference mode inside is alike.
     """
     inside, here = (_in_band(s, band_hz, low_hz) for s in (reduced, full))
     if full.size:
-        most = abs(cross) ** 2 * here[:, None]
+        most = mac * here[:, None]
         inside = inside | (most.max(axis=0, initial=0.0) >= _ALIKE_OUTSIDE)
     if not full.size or not inside.any():
         none = np.empty(0)
         alone = int(inside.sum() + here.sum())
         return DampedPairs(none.astype(np.complex128), none.astype(np.complex128), none, none, alone)
-    there, mac = reduced[inside], abs(cross[:, inside]) ** 2
+    there, mac = reduced[inside], mac[:, inside]
     alike = mac >= _AS_ALIKE * mac.max(axis=0)
     best = np.where(alike, abs(full[:, None] - there), np.inf).argmin(axis=0)
     partner = full[best]
@@ -303,18 +330,14 @@ def pair_complex_modes(
 
 
 def lost_complex_modes(
-    full: NDArray[np.complex128],
-    reduced: NDArray[np.complex128],
-    cross: NDArray[np.complex128],
-    band_hz: float,
-    low_hz: float = 0.0,
+    full: NDArray[np.complex128], reduced: NDArray[np.complex128], mac: Array, band_hz: float, low_hz: float = 0.0
 ) -> Indices:
     """Positions of the reference modes in the band without a partner; arguments as for `pair_complex_modes`.
 
     Modes are paired one to one here, by MAC and the distance of the roots.
     """
     apart = abs(np.log(reduced)[None, :] - np.log(full)[:, None])
-    cost = np.minimum(1 - np.clip(abs(cross) ** 2, 0.0, 1.0) + apart, _DIFFERENT)
+    cost = np.minimum(1 - np.clip(mac, 0.0, 1.0) + apart, _DIFFERENT)
     i, j = closest_pairs(cost)
     paired = i[cost[i, j] < _DIFFERENT]
     oscillates = -full.real <= _CRITICAL * abs(full)

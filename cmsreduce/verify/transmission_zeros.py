@@ -27,6 +27,9 @@ _BEYOND = 1.2
 _UNDETERMINED = 1e-14
 # A root with less than this share of its size off the real axis is on the axis.
 _ON_AXIS = 1e-7
+# An error moves a double zero off the axis, or along it, by its root. A zero with less than this share of
+# its size off the axis is returned with all its mirror images, as many as two zeros on the axis have.
+_NEAR_AXIS = 1e-2
 # Zeros whose magnitudes differ by less than this share may be mirror images, which rounding puts in any order.
 _ALIKE = 1e-6
 
@@ -48,9 +51,9 @@ def zeros_below(omega: Array, residue: Array, omega_max: float, *, static: float
     Returns
     -------
     (z,) complex128
-        In rad/s up to a little above ``omega_max``, by magnitude: zeros of positive imaginary part and zeros on the
-        real axis. The right one of two mirror images comes first. Zeros of a collocated pair lie on the imaginary
-        axis, between the poles. A response that is nothing has none.
+        In rad/s up to a little above ``omega_max``, by magnitude: zeros of positive imaginary part and all zeros on or
+        near the real axis. The right one of two mirror images comes first. Zeros of a collocated pair lie on the
+        imaginary axis, between the poles. A response that is nothing has none.
 
     Notes
     -----
@@ -75,9 +78,10 @@ def zeros_below(omega: Array, residue: Array, omega_max: float, *, static: float
     # Where no mode responds, every number is a root, and the pencil returns 0/0.
     near = (abs(alpha) <= _BEYOND**2 * abs(beta)) & (abs(beta) > _UNDETERMINED * la.norm(E))
     root = omega_max * np.sqrt(alpha[near] / beta[near] + 0j)
-    real = abs(root.imag) <= _ON_AXIS * abs(root)
+    root.imag[abs(root.imag) <= _ON_AXIS * abs(root)] = 0.0
+    real = abs(root.imag) <= _NEAR_AXIS * abs(root)
     upper = np.where(root.imag < 0, -root, root)
-    zeros = np.concatenate([upper[~real], root.real[real], -root.real[real]])
+    zeros = np.concatenate([upper[~real], root[real], -root[real]])
     # By magnitude; the magnitudes of mirror images differ by rounding alone.
     zeros = zeros[np.argsort(abs(zeros))]
     size = abs(zeros)

@@ -83,6 +83,19 @@ def test_mirror_images_come_in_one_order_whatever_the_rounding(change):
     np.testing.assert_allclose(zeros[abs(zeros) < 10], [np.sqrt(11), -np.sqrt(11)], rtol=1e-9)
 
 
+def test_rounding_loses_no_double_zero():
+    """A numerator (s^2 - 16)^2 + e over three poles: the double zeros 4 and -4 part along the axis or across it."""
+    w2 = np.array([1.0, 4.0, 9.0])
+    both = []
+    for e in (-1e-12, 1e-12):
+        residue = [((-w - 16) ** 2 + e) / np.prod(np.delete(w2, k) - w) for k, w in enumerate(w2)]
+        both.append(zeros_below(np.sqrt(w2), np.array(residue), 10.0))
+    for zeros in both:
+        np.testing.assert_allclose(zeros[abs(zeros) < 10], [4, 4, -4, -4], rtol=1e-6)
+    for full, reduced in (both, both[::-1]):
+        assert zero_shifts(full, reduced, (1.0, 9.0)).max() < 1e-6
+
+
 def test_two_masses_and_a_spring():
     """Unit masses, unit spring: force and displacement of one have a zero where the other is its absorber, w = 1."""
     omega, b = np.array([0.0, np.sqrt(2)]), np.array([1, 1]) / np.sqrt(2)
@@ -149,6 +162,18 @@ def test_channels_that_no_mode_joins_have_no_gain():
     omega, B, C = np.array([1.0, 2.0]), np.array([[1.0], [1e-14]]), np.array([[1e-13, 1.0], [1.0, 0.0]])
     found = gain_sum(omega, B, C)
     np.testing.assert_array_equal(found.total, [[0.0], [1.0]])
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.7])
+def test_modes_of_one_frequency_count_together(turned: float) -> None:
+    """Bending of a round bar in two planes, pushed in one: in turned modes, each moves the other plane, and both do
+    not."""
+    c, s = np.cos(turned), np.sin(turned)
+    turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    B, C = turn @ np.array([[1.0], [0.0], [0.5]]), np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.5]]) @ turn.T
+    found = gain_sum(np.array([1.0, 1.0 + 1e-12, 2.0]), B, C)
+    np.testing.assert_allclose(found.gain[..., 0], [[0.0, 1.0], [0.0, 0.0625]], atol=1e-11)
+    np.testing.assert_array_equal(found.size[0], 0.0)
 
 
 def test_a_response_that_is_nothing_has_no_zeros():

@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from cmsreduce.verify import (
+    complex_mac,
     lost_complex_modes,
     pair_complex_modes,
     pair_frequencies,
@@ -240,7 +241,8 @@ def roots(hz: np.ndarray, zeta: np.ndarray) -> np.ndarray:
 def test_permuted_roots_find_their_partners(order):
     reduced = roots(HZ[order] * np.array([1.001, 1.0, 1.002, 1.0]), ZETA[order] * np.array([1.0, 0.9, 1.2, 1.0]))
     cross = np.eye(4)[:, order] * np.exp(1j * np.arange(4))
-    pairs = pair_complex_modes(roots(HZ, ZETA), reduced, cross, 100.0)
+    mac = complex_mac(roots(HZ, ZETA), cross, np.eye(4) + 0j)
+    pairs = pair_complex_modes(roots(HZ, ZETA), reduced, mac, 100.0)
     np.testing.assert_allclose(pairs.full_hz, HZ[order], rtol=1e-14)
     np.testing.assert_allclose(pairs.full_zeta, ZETA[order], rtol=1e-12)
     np.testing.assert_allclose(pairs.reduced_hz / pairs.full_hz, [1.001, 1.0, 1.002, 1.0], rtol=1e-12)
@@ -250,71 +252,84 @@ def test_permuted_roots_find_their_partners(order):
 
 
 def test_a_root_left_out_has_no_pair():
-    pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, ZETA)[[0, 3]], np.eye(4)[:, [0, 3]] + 0j, 100.0)
+    pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, ZETA)[[0, 3]], np.eye(4)[:, [0, 3]], 100.0)
     np.testing.assert_allclose(pairs.full_hz, [1.0, 5.0])
     assert pairs.worst == 0.0
 
 
 def test_roots_above_the_band_are_left_out():
     # The natural frequency counts, not that of the decaying oscillation.
-    pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, ZETA), np.eye(4) + 0j, 2.005)
+    pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, ZETA), np.eye(4), 2.005)
     np.testing.assert_allclose(pairs.full_hz, [1.0, 2.0])
 
 
 def test_roots_below_the_band_are_left_out():
     other = ZETA * np.array([3.0, 1.1, 1.0, 1.0])
-    pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, other), np.eye(4) + 0j, 2.005, 1.5)
+    pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, other), np.eye(4), 2.005, 1.5)
     np.testing.assert_allclose(pairs.full_hz, [2.0])
     assert pairs.worst == pytest.approx(0.1)
-    assert pair_complex_modes(roots(HZ, ZETA), roots(HZ, other)[:1], np.eye(4)[:, :1] + 0j, 3.0, 1.5).alone == 2
+    assert pair_complex_modes(roots(HZ, ZETA), roots(HZ, other)[:1], np.eye(4)[:, :1], 3.0, 1.5).alone == 2
 
 
 def test_a_reduced_root_outside_of_the_band_is_judged_if_its_partner_is_inside():
     full, reduced = roots(HZ, ZETA), roots(HZ * [1, 1.05, 1, 1], ZETA * [1, 3, 1, 1])
-    pairs = pair_complex_modes(full, reduced, np.eye(4) + 0j, 2.005)
+    pairs = pair_complex_modes(full, reduced, np.eye(4), 2.005)
     np.testing.assert_allclose(pairs.full_hz, HZ[:2])
     assert pairs.worst == pytest.approx(2.0)
 
 
 def test_a_reference_mode_without_a_partner_is_lost():
     full, kept = roots(HZ, ZETA), np.array([0, 3])
-    lost = lost_complex_modes(full, full[kept], np.eye(4)[:, kept] + 0j, 100.0)
+    lost = lost_complex_modes(full, full[kept], np.eye(4)[:, kept], 100.0)
     np.testing.assert_array_equal(lost, [1, 2])
-    np.testing.assert_array_equal(lost_complex_modes(full, full[kept], np.eye(4)[:, kept] + 0j, 2.005), [1])
+    np.testing.assert_array_equal(lost_complex_modes(full, full[kept], np.eye(4)[:, kept], 2.005), [1])
     # Not one that hardly oscillates, nor any half of a repeated pair, whose modes come in any mixture.
     critical = roots(HZ, np.array([0.01, 0.995, 0.3, 1e-3]))
-    np.testing.assert_array_equal(lost_complex_modes(critical, critical[kept], np.eye(4)[:, kept] + 0j, 100.0), [2])
+    np.testing.assert_array_equal(lost_complex_modes(critical, critical[kept], np.eye(4)[:, kept], 100.0), [2])
     both = roots(np.array([3.0, 3.0001]), np.array([0.01, 0.04]))
     cross = np.sqrt(0.5) * np.array([[1, 1], [1j, -1j]])
-    assert not lost_complex_modes(both, both, cross, 10.0).size
+    assert not lost_complex_modes(both, both, complex_mac(both, cross, np.eye(2) + 0j), 10.0).size
 
 
 def test_of_shapes_as_alike_the_nearest_root_is_the_partner():
     """The modes of a repeated pair come in any mixture: each reduced one is half of either."""
     full = roots(np.array([3.0, 3.0001]), np.array([0.01, 0.04]))
     cross = np.sqrt(0.5) * np.array([[1, 1], [1j, -1j]]) * np.array([1.0, 1.01])
-    pairs = pair_complex_modes(full, full[[1, 0]], cross, 10.0)
+    pairs = pair_complex_modes(full, full[[1, 0]], complex_mac(full, cross, np.eye(2) + 0j), 10.0)
     np.testing.assert_allclose(pairs.full, full[[1, 0]])
     assert pairs.worst == 0.0
 
 
+def test_modes_that_share_a_root_are_compared_as_a_space() -> None:
+    """Two modes of 3 Hz in shapes that are not orthogonal, between one of other damping; their reduced ones turned."""
+    full = roots(np.array([3.0, 3.0, 3.0, 5.0]), np.array([0.01, 0.04, 0.01, 0.01]))
+    X = np.eye(4, dtype=complex)
+    X[:, 2] = [0.6, 0, 0.8j, 0]
+    Y = X[:, [0, 1, 2, 3]].copy()
+    Y[:, 0], Y[:, 2] = np.array([0.5, 0, 0.5j, 0]) * np.sqrt(2), np.array([0.6, 0, 0, 0.8])
+    mac = complex_mac(full, X.conj().T @ Y, X.conj().T @ X)
+    np.testing.assert_allclose(mac[0], mac[2], rtol=1e-12)
+    np.testing.assert_allclose(mac[0], [1, 0, 0.36, 0], atol=1e-12)
+    np.testing.assert_allclose(mac[[1, 3]], [[0, 1, 0, 0], [0, 0, 0.64, 1]], atol=1e-12)
+
+
 def test_a_mode_without_damping_has_no_error():
     full, reduced = roots(HZ[:2], np.array([0.0, 0.02])), roots(HZ[:2], np.array([1e-14, 0.03]))
-    pairs = pair_complex_modes(full, reduced, np.eye(2) + 0j, 10.0)
+    pairs = pair_complex_modes(full, reduced, np.eye(2), 10.0)
     assert np.isnan(pairs.error[0])
     assert pairs.worst == pytest.approx(0.5)
 
 
 def test_damping_that_the_reference_does_not_have_is_an_error():
-    pairs = pair_complex_modes(roots(HZ[:1], np.zeros(1)), roots(HZ[:1], np.array([0.01])), np.eye(1) + 0j, 10.0)
+    pairs = pair_complex_modes(roots(HZ[:1], np.zeros(1)), roots(HZ[:1], np.array([0.01])), np.eye(1), 10.0)
     assert np.isinf(pairs.worst)
     # A mode that gains energy.
-    pairs = pair_complex_modes(roots(HZ[:1], -np.full(1, 0.02)), roots(HZ[:1], np.array([0.01])), np.eye(1) + 0j, 10.0)
+    pairs = pair_complex_modes(roots(HZ[:1], -np.full(1, 0.02)), roots(HZ[:1], np.array([0.01])), np.eye(1), 10.0)
     assert pairs.worst == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize(("full", "reduced"), [(0, 2), (2, 0)])
 def test_no_roots_to_pair(full, reduced):
     s = roots(HZ, ZETA)
-    pairs = pair_complex_modes(s[:full], s[:reduced], np.zeros((full, reduced), complex), 10.0)
+    pairs = pair_complex_modes(s[:full], s[:reduced], np.zeros((full, reduced)), 10.0)
     assert pairs.error.size == 0 and np.isnan(pairs.worst)

@@ -17,6 +17,7 @@ from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
 from cmsreduce.verify import (
     FrequencyPairs,
     channel_errors,
+    complex_mac,
     frac,
     frf_error,
     lost_complex_modes,
@@ -155,9 +156,10 @@ def _damped_pairs(
     if full is None or reduced is None:
         return None
     cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(reference, configuration))
-    low, high = reference.scene.band
-    lost = lost_complex_modes(full.s, reduced.s, cross, high, low)
     masses = reference.assembled.at(configuration).substructures
+    own = cross_orthogonality(full.shapes, full.shapes, {name: masses[name].M for name in full.shapes})
+    mac, (low, high) = complex_mac(full.s, cross, own), reference.scene.band
+    lost = lost_complex_modes(full.s, reduced.s, mac, high, low)
     energies = [
         {name: float((X[:, k].conj() @ np.asarray(masses[name].M @ X[:, k])).real) for name, X in full.shapes.items()}
         for k in lost.tolist()
@@ -165,7 +167,7 @@ def _damped_pairs(
     alone = _unpaired(
         np.asarray(abs(full.s[lost]) / (2 * np.pi), dtype=np.float64), full.peaks[lost], energies, highest
     )
-    return replace(pair_complex_modes(full.s, reduced.s, cross, high, low), lost=alone)
+    return replace(pair_complex_modes(full.s, reduced.s, mac, high, low), lost=alone)
 
 
 def _frf_error(target: Target, elastic: Complex, alone: Real) -> float:
