@@ -4,7 +4,7 @@ Responses and checks in every configuration belong here.
 The choice of modes belongs in `pipeline.choose`.
 """
 
-from cmsreduce.pipeline.system.assembled import AssembledModel, highest_frequency
+from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.pipeline.system.between import midpoint_configurations
 from cmsreduce.pipeline.system.candidates import Candidates, system_errors
 from cmsreduce.pipeline.system.closed_loop import closed_loop
@@ -15,7 +15,7 @@ from cmsreduce.pipeline.system.peaks import peaks
 from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality, mass_products
 from cmsreduce.pipeline.system.reduction_health import UnitLoads, channel_gains, unit_loads
 from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
-from cmsreduce.pipeline.system.simulation_cost import reduced_cost, selection_cost
+from cmsreduce.pipeline.system.simulation_cost import highest_frequency, reduced_cost, selection_cost
 from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy
 
 __all__ = [

@@ -31,15 +31,11 @@ from cmsreduce.assemble import (
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
 from cmsreduce.model import Configuration, Scene, Substructure, System
-from cmsreduce.pipeline.store import diagnostic, once
+from cmsreduce.pipeline.store import once
 from cmsreduce.pipeline.system.resonances import DampedModes, Resonances, by_body, damped_modes_of, modal_weights
 from cmsreduce.verify import decibel_grid
 
-__all__ = [
-    "AssembledModel",
-    "highest_frequency",
-    "highest_omega",
-]
+__all__ = ["AssembledModel"]
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
@@ -51,8 +47,6 @@ _UNDAMPED_BANDS = 1.25
 _DAMPED_BANDS = 1.1
 # Coordinates of a system whose modes are all held in memory: three megabytes a configuration.
 _HELD_IN_MEMORY = 600
-# Coordinates of a system whose modes dense algebra finds in seconds.
-_DENSE = 1500
 # Damping ratio given to the peak of a mode without damping: the nearest point of the refined grid is this far from it.
 _NO_DAMPING = 5e-6
 # Grids of one band end at the same frequency to rounding.
@@ -329,17 +323,3 @@ class AssembledModel:
     def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Rigid-body part of the response (f, outputs, inputs)."""
         return rigid_response(self.system(configuration), omega)
-
-
-def highest_omega(model: AssembledModel, configuration: Configuration) -> float | None:
-    """Highest frequency of a model in rad/s; None if it is too large for all its modes."""
-    if model.system(configuration).N > _DENSE:
-        return None
-    return float(model.every_mode(configuration)[0].max(initial=0.0))
-
-
-@diagnostic("the highest frequency of '{}'", about=lambda model, configuration: configuration.name)
-def highest_frequency(model: AssembledModel, configuration: Configuration) -> float | None:
-    """Highest frequency of a model in Hz; None if it is too large for all its modes."""
-    found = highest_omega(model, configuration)
-    return None if found is None else found / (2 * np.pi)

@@ -31,7 +31,6 @@ from cmsreduce.model import (
 )
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.store import Failures, Silent, collecting, diagnostic
-from cmsreduce.pipeline.system.assembled import highest_frequency
 from cmsreduce.pipeline.system.between import errors_between
 from cmsreduce.pipeline.system.comparison import Comparison
 from cmsreduce.pipeline.system.completeness import axis_completeness
@@ -46,6 +45,7 @@ from cmsreduce.pipeline.system.reduction_health import (
     unit_loads,
 )
 from cmsreduce.pipeline.system.reference_model import Target
+from cmsreduce.pipeline.system.simulation_cost import highest_frequency
 from cmsreduce.pipeline.system.stability import SystemRoots, system_roots
 
 __all__ = ["MODEL", "ModelMeasure"]

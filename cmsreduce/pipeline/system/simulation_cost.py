@@ -1,4 +1,4 @@
-"""Cost of a simulated second with a reduced system, or with a selection of its modes."""
+"""Highest frequency of a reduced system, and the cost of a simulated second, also with a selection of its modes."""
 
 from __future__ import annotations
 
@@ -7,12 +7,45 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from cmsreduce.balance import Selection
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.mechanics import cost
-from cmsreduce.model import Integrator, ModalComponent, SimulationCost
-from cmsreduce.pipeline.system.assembled import AssembledModel, highest_omega
+from cmsreduce.model import Configuration, Integrator, ModalComponent, SimulationCost
+from cmsreduce.pipeline.store import diagnostic
+from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.pipeline.system.reduced_model import ReducedModel
 
-__all__ = ["reduced_cost", "selection_cost"]
+__all__ = ["highest_frequency", "reduced_cost", "selection_cost"]
+
+# Coordinates of a system whose modes dense algebra finds in seconds.
+_DENSE = 1500
+# Damping and gyroscopic forces below this share of the highest frequency raise no root above it by more than 5 %.
+_SLOW = 0.1
+
+
+@diagnostic("the highest frequency of '{}'", about=lambda model, configuration: configuration.name)
+def highest_frequency(model: AssembledModel, configuration: Configuration) -> float | None:
+    """Highest frequency of a model in Hz; None if it is too large for all its modes."""
+    found = _highest_omega(model, configuration)
+    return None if found is None else found / (2 * np.pi)
+
+
+def _highest_omega(model: AssembledModel, configuration: Configuration) -> float | None:
+    """Highest natural frequency in rad/s, or the size of a faster root: a nutation, or the decay of a strong damper."""
+    system = model.system(configuration)
+    if system.N > _DENSE:
+        return None
+    omega, Phi, _ = model.every_mode(configuration)
+    highest = float(omega.max(initial=0.0))
+    if system.D is None or not omega.size:
+        return highest
+    X = np.hstack([system.rigid, Phi])
+    D = X.T @ dense(system.D @ X)
+    if np.linalg.norm(D, 2) <= _SLOW * highest:
+        return highest
+    n, w = len(D), np.concatenate([np.zeros(system.rigid.shape[1]), omega])
+    # Amplitudes times the highest frequency, and rates.
+    A = np.block([[np.zeros((n, n)), highest * np.eye(n)], [-np.diag(w**2) / highest, -D]])
+    return max(highest, float(abs(np.linalg.eigvals(A)).max()))
 
 
 def reduced_cost(
@@ -34,7 +67,7 @@ def reduced_cost(
     """
     found = []
     for configuration in model.scene.configurations:
-        highest = highest_omega(model, configuration)
+        highest = _highest_omega(model, configuration)
         if highest is not None:
             found.append(cost(model.system(configuration), highest, model.scene.band[1], integrator, accuracy))
     return max(found, key=lambda each: each.operations, default=None)
