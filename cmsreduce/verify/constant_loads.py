@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 _NOTHING = 1e-10
 # Gains between channels that no mode joins are rounding of the products of their largest modal inputs and outputs.
 _APART = 1e-10
+# Dofs whose rigid motions differ by less than this share hold a body as well as each other.
+_AS_WELL = 1e-6
 # A step response below this share of the strongest one of its output is rounding.
 _SILENT = 1e-10
 
@@ -114,7 +116,9 @@ def _balanced(body: FEModel, rigid: Array, loads: Array, interface: NDArray[np.i
         return loads
     if motions_held(rigid, interface) < r:
         return np.asarray(loads - body.M @ rigid @ (rigid.T @ loads))
-    _, _, order = la.qr(rigid[interface].T, mode="economic", pivoting=True)
+    # Of dofs that hold the body as well, the first: rounding would choose another end of a symmetric body.
+    first = 1 - _AS_WELL * np.arange(interface.size) / interface.size
+    _, _, order = la.qr(rigid[interface].T * first, mode="economic", pivoting=True)
     reference = interface[order[:r]]
     balanced = loads.copy()
     balanced[reference] -= np.linalg.solve(rigid[reference].T, rigid.T @ loads)
