@@ -117,6 +117,30 @@ class ModalReceptance:
             H[part] = CYB - CYA @ np.linalg.solve(AYA, AYB) if U.shape[0] else CYB
         return H
 
+    def rounding(self, kept: Kept, at: Indices) -> Real:
+        """Bound of the rounding of `response`, to first order: large where the rigid motions of held bodies cancel.
+
+        Parameters
+        ----------
+        kept : mapping of body to (k,) int64
+        at : (g,) int64
+            Numbers of the frequencies.
+
+        Returns
+        -------
+        (g, outputs, inputs) float64
+        """
+        U = self._joints(kept)
+        found = np.empty((at.size, self._rows.outputs, self._rows.right.shape[0] - self._rows.c))
+        for part in self._blocks(at.size):
+            AYA, AYB, CYA, CYB = self._joined(kept, U, at[part])
+            found[part] = abs(CYB)
+            if U.shape[0]:
+                forces = abs(np.asarray(np.linalg.solve(AYA, AYB)))
+                carried = abs(np.asarray(np.linalg.solve(AYA.swapaxes(1, 2), CYA.swapaxes(1, 2)))).swapaxes(1, 2)
+                found[part] += abs(CYA) @ forces + carried @ (abs(AYA) @ forces + abs(AYB))
+        return np.finfo(float).eps * found
+
     def effects(self, kept: Kept, changes: Sequence[Change], at: Indices) -> tuple[Complex, Complex, NDArray[np.bool_]]:
         """Response with some of the modes, and the change of the response by each of many changes alone.
 

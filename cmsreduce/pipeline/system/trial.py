@@ -29,6 +29,8 @@ _STRONGEST, _OTHERS = 96, 192
 _WORST = 96
 # Without a limit on it, the response error still orders the modes.
 _NO_LIMIT = 1e3
+# Above this share of a response its rounding is no error of a selection: a hundredth of a decibel.
+_ROUNDING = 1e-3
 # Response values of all effects of one configuration; with more, fewer frequencies are taken.
 _VALUES = 2**22
 
@@ -69,6 +71,9 @@ class Trial:
         self.loud = self.loud_db = target.loud
         if self.points_db.size:
             self.loud_db = self.loud | loud_channels(self.full_db, target.row, target.column)
+            # With every mode: NaN, where no selection is judged. The model that is found is judged by its own modes.
+            lost = self.table.rounding({}, self.points_db) > _ROUNDING * abs(self.full_db)
+            self.full_db = np.where(lost, np.nan, self.full_db)
         self.hardest = np.argsort(-power, kind="stable")[:_HARDEST]
         self.hardest_db = np.empty(0, dtype=np.int64)
 
@@ -113,7 +118,8 @@ class Trial:
 
     def db_errors(self, in_db: Complex) -> Array:
         """Decibel errors of the channels (outputs, inputs)."""
-        return db_errors(self.full_db, in_db, self.target.row, self.target.column, self.loud)
+        reference = np.where(np.isnan(self.full_db), in_db, self.full_db)
+        return db_errors(reference, in_db, self.target.row, self.target.column, self.loud_db)
 
     def failed(self, H: Complex) -> None:
         """Remember the frequencies with the largest errors: the next selection probably fails there."""
@@ -184,6 +190,7 @@ class Trial:
         """Percentile of the decibel error of the worst channel (sets,), if errors elsewhere are smaller."""
         tiny = np.finfo(float).tiny
         power = np.maximum((H.real**2 + H.imag**2) / np.maximum(abs(reference) ** 2, tiny), tiny)
+        power[np.broadcast_to(np.isnan(reference), power.shape)] = 1.0
         apart = np.maximum(power, 1 / power)
         # From the largest error down to the two between which the percentile of all frequencies lies.
         last = (self.points_db.size - 1) * (1 - PERCENTILE / 100)
@@ -196,4 +203,5 @@ class Trial:
 
 def _decibels(H: Complex, reference: Complex) -> Array:
     tiny = np.finfo(float).tiny
-    return np.asarray(abs(20 * np.log10(np.maximum(abs(H), tiny) / np.maximum(abs(reference), tiny))))
+    apart = abs(20 * np.log10(np.maximum(abs(H), tiny) / np.maximum(abs(reference), tiny)))
+    return np.where(np.isnan(reference), 0.0, apart)

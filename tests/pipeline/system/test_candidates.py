@@ -129,3 +129,36 @@ def test_heights_of_peaks_are_those_on_grids_of_their_own(opened: Callable[..., 
         assert judge.error(selection) == pytest.approx(exact, rel=1e-3, abs=1e-3)
         shifted += exact > 0.1
     assert shifted > 2
+
+
+def test_rounding_of_the_rigid_motions_of_a_held_body_is_no_error(opened: Callable[..., Run]) -> None:
+    """The motor of a balanced payload on a held frame hardly moves it along the hinge at the lower end of the band."""
+    text = """\
+name: held
+output: {output}
+components:
+  panel:
+    stiffness: {{file: panel.op4, matrix: KAA}}
+    mass: {{file: panel.op4, matrix: MAA}}
+    geometry: panel.bdf
+    interfaces: {{root: {{node: 1}}, tip: {{node: 6}}}}
+    damping: {{modal: 0.01}}
+  payload:
+    rigid: {{mass: 0.5, cg: [1.75, 0.125, 0.08], inertia: [1e-4, 1e-4, 1e-4, 0, 0, 0]}}
+    interfaces: {{plate: {{position: [1.75, 0.125, 0.05]}}}}
+scene:
+  band: 60 Hz
+  ground: panel.root
+  joints: {{wrist: {{connect: [panel.tip, payload.plate], free: [rz], stiffness: {{rz: 100}}}}}}
+  actuators: {{motor: {{joint: wrist, dof: rz}}}}
+  sensors: {{along: {{at: payload.cg, measure: [z]}}}}
+reduce: {{method: macneal-rubin, cutoff: 4}}
+balance: {{keep: limits}}
+verify: {{limits: {{db_error: 1}}}}
+"""
+    run = opened(text=text)
+    trials = Trials(run, dict(run.ranked))
+    every = trials.random(0, 1.0)
+    exact = run.measure.measured(trials.components, run.joined(trials.components), {"db_error": 1.0})
+    assert exact.findings["db_error"].value < 0.05
+    assert trials.limited({"db_error": 1.0}).error(every) < 0.05
