@@ -7,6 +7,8 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from cmsreduce.errors import ReadError
 from cmsreduce.read.ansys import is_row_mapping, mapping_beside, read_row_mapping
 from cmsreduce.read.calculix_abaqus import dof_list_beside
@@ -102,7 +104,8 @@ def read_matrix(
             f"{path}: DMIG matrix '{found.name}' is rectangular; stiffness and mass are square (form 1) or symmetric "
             "(form 6): name the matrix of the body, such as KAAX"
         )
-    with reading(path, f"matrix '{found.name}'"):
+    # Not-a-number in single precision warns when it is widened; the body names its dof.
+    with reading(path, f"matrix '{found.name}'"), np.errstate(invalid="ignore"):
         loaded = found.load()
     beside = dof_list_beside(path) if chosen.dof_list and loaded.dofs is None else None
     list_path = dofs or beside

@@ -16,6 +16,8 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
 from cmsreduce.read import FORMATS, detect_format, matrix_names, read_matrix, sha256_of
 from cmsreduce.read.files import require_file
+from tests.read.nastran.test_op2 import op2_bytes
+from tests.read.nastran.test_op4 import op4_bytes
 
 K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
 PUNCH = """\
@@ -273,3 +275,22 @@ def test_a_matrix_of_zeros_is_one_in_every_format(tmp_path: Path, size: int, kin
     for path in sorted(tmp_path.iterdir()):
         found = read_matrix(path).A
         assert (found.shape, found.nnz) == ((size, size), 0), path.name
+
+
+@pytest.mark.parametrize("name", ["a.op4", "a.op2", "a.npy", "a.mat"])
+def test_a_signal_of_not_a_number_is_read_without_a_warning(tmp_path: Path, name: str) -> None:
+    """Single precision has numbers that warn when they are widened."""
+    path, single = tmp_path / name, K.astype(np.float32)
+    match path.suffix:
+        case ".op4":
+            content = op4_bytes("KAA", K, "<", False, True, "dense")
+        case ".op2":
+            content = op2_bytes("KAA", K, "<", False, True)
+        case ".npy":
+            np.save(path, single)
+            content = path.read_bytes()
+        case _:
+            scipy.io.savemat(path, {"K": single})
+            content = path.read_bytes()
+    path.write_bytes(content.replace(np.float32(1.0).tobytes(), np.uint32(0x7FA00000).tobytes(), 1))
+    assert np.isnan(read_matrix(path).A.toarray()).sum() == 1
