@@ -21,6 +21,9 @@ __all__ = ["bars_in_units", "offsets_of", "orientation_of", "read_bars", "read_m
 
 Array = NDArray[np.float64]
 
+Properties = Mapping[str, Mapping[int, Card]]
+"""Cards by name and number."""
+
 Elastic = tuple[list[int], Array, Array, float, float, Array, Array, list[bool]]
 """Ends, offsets (2, 3), orientation, EA, GJ, EI (2, 2), 1 / (k G A) in both planes (2,), releases (12) of a bar."""
 
@@ -212,9 +215,10 @@ def read_members(path: Path, nodes: Nodes) -> Members:
             "give the full matrices, or the geometric stiffness itself (`matrices:`)"
         )
     moduli = {card.integer(0): _moduli(card) for card in cards.get("MAT1", ())}
-    rows = [_elastic_bar(card, cards, moduli, nodes) for card in cards.get("CBAR", ())]
-    rows += [_elastic_rod(card, cards, moduli) for name in ("CROD", "CONROD") for card in cards.get(name, ())]
-    springs = [_spring(card, cards) for name in _SPRINGS for card in cards.get(name, ())]
+    made = {name: {card.integer(0): card for card in cards.get(name, ())} for name in ("PBAR", "PROD", "PELAS")}
+    rows = [_elastic_bar(card, made, moduli, nodes) for card in cards.get("CBAR", ())]
+    rows += [_elastic_rod(card, made, moduli) for name in ("CROD", "CONROD") for card in cards.get(name, ())]
+    springs = [_spring(card, made) for name in _SPRINGS for card in cards.get(name, ())]
     b, s = len(rows), len(springs)
     ends, offsets, ups, EA, GJ, EI, shear, released = zip(*rows, strict=True) if rows else ((),) * 8
     return Members(
@@ -241,8 +245,8 @@ def _moduli(card: Card) -> tuple[float, float]:
     return E, G
 
 
-def _property(card: Card, name: str, number: int, cards: Cards) -> Card:
-    found = next((one for one in cards.get(name, ()) if one.integer(0) == number), None)
+def _property(card: Card, name: str, number: int, properties: Properties) -> Card:
+    found = properties[name].get(number)
     if found is None:
         raise ReadError(f"{card.where}: there is no {name} {number} in the deck")
     return found
@@ -254,8 +258,10 @@ def _of_material(card: Card, number: int, moduli: Mapping[int, tuple[float, floa
     return moduli[number]
 
 
-def _elastic_bar(card: Card, cards: Cards, moduli: Mapping[int, tuple[float, float]], nodes: Nodes) -> Elastic:
-    made = _property(card, "PBAR", card.integer(1, card.integer(0)), cards)
+def _elastic_bar(
+    card: Card, properties: Properties, moduli: Mapping[int, tuple[float, float]], nodes: Nodes
+) -> Elastic:
+    made = _property(card, "PBAR", card.integer(1, card.integer(0)), properties)
     E, G = _of_material(card, made.integer(1), moduli)
     A, I1, I2, J = (made.real(k) for k in (2, 3, 4, 5))
     K1, K2, I12 = (made.real(k) for k in (16, 17, 18))
@@ -284,20 +290,20 @@ def orientation_of(card: Card, nodes: Nodes, at: int) -> Array:
     return v if card.text(7)[:1] == "B" else np.asarray(nodes.frame[at].T @ v)
 
 
-def _elastic_rod(card: Card, cards: Cards, moduli: Mapping[int, tuple[float, float]]) -> Elastic:
+def _elastic_rod(card: Card, properties: Properties, moduli: Mapping[int, tuple[float, float]]) -> Elastic:
     if card.name == "CONROD":
         first, material, A, J = 1, card.integer(3), card.real(4), card.real(5)
     else:
-        made = _property(card, "PROD", card.integer(1, card.integer(0)), cards)
+        made = _property(card, "PROD", card.integer(1, card.integer(0)), properties)
         first, material, A, J = 2, made.integer(1), made.real(2), made.real(3)
     E, G = _of_material(card, material, moduli)
     ends = [card.integer(first), card.integer(first + 1)]
     return ends, np.zeros((2, 3)), np.zeros(3), E * A, G * J, np.zeros((2, 2)), np.zeros(2), [False] * 12
 
 
-def _spring(card: Card, cards: Cards) -> tuple[float, list[list[int]]]:
+def _spring(card: Card, properties: Properties) -> tuple[float, list[list[int]]]:
     if card.name == "CELAS2":
         k = card.real(1)
     else:
-        k = _property(card, "PELAS", card.integer(1, card.integer(0)), cards).real(1)
+        k = _property(card, "PELAS", card.integer(1, card.integer(0)), properties).real(1)
     return k, [[card.integer(first, 0), card.integer(first + 1, 0)] for first in (2, 4)]

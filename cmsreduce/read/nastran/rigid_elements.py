@@ -183,13 +183,12 @@ def _resolved(path: Path, equations: Sequence[Equation]) -> Recovery:
         node, component = divmod(int(follows[twice[0]]), KEY_STEP)
         raise ReadError(f"{path}: dof {node}.{component} depends on two rigid elements or constraints")
     leads = np.setdiff1d(np.concatenate([empty, *(one for _, one, _ in equations)]), follows)
-    rows, columns, values = [empty], [empty], [np.zeros(0)]
+    rows, columns, values, padded = [empty], [empty], [np.zeros(0)], np.append(follows, -1)
     for dependents, independents, G in equations:
         rows.append(np.repeat(np.searchsorted(follows, dependents), independents.size))
-        among = np.isin(independents, follows)
-        at = np.where(
-            among, np.searchsorted(follows, independents), follows.size + np.searchsorted(leads, independents)
-        )
+        place = np.searchsorted(follows, independents)
+        among = padded[place] == independents
+        at = np.where(among, place, follows.size + np.searchsorted(leads, independents))
         columns.append(np.tile(at, dependents.size))
         values.append(G.ravel())
     where = (np.concatenate(rows), np.concatenate(columns))

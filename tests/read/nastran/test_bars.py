@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Units
-from cmsreduce.read import bars_in_units, read_bars
+from cmsreduce.read import bars_in_units, read_bars, read_geometry, read_members
 
 GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\n"
 STEEL = "MAT1,9,2.1+11,,0.3,7850.\n"
@@ -96,3 +97,18 @@ def test_bars_change_units(tmp_path: Path) -> None:
     found = read_bars(deck(tmp_path, READ["a bar"][0]))
     small = bars_in_units(found, Units.parse("m-kg-s"), Units.parse("mm-t-s"))
     np.testing.assert_allclose([small.EA[0], small.radius_squared[0]], [2.1e5 * 200, 40.0], rtol=1e-12)
+
+
+def test_the_time_for_members_grows_as_their_number(tmp_path: Path) -> None:
+    """Every bar has a property of its own."""
+    count = 1000
+    cards = ["BEGIN BULK", "MAT1,1,2.+11,,.3,7850.", "GRID,1"]
+    cards += [f"GRID,{k + 1},,{k}.,0.,0." for k in range(1, count + 1)]
+    cards += [f"PBAR,{k},1,{k}.,1.,1.,1.\nCBAR,{k},{k},{k},{k + 1},0.,0.,1." for k in range(1, count + 1)]
+    path = tmp_path / "body.bdf"
+    path.write_text("\n".join(cards) + "\n")
+    nodes = read_geometry(path).nodes
+    started = time.process_time()
+    members = read_members(path, nodes)
+    assert time.process_time() - started < 2.0
+    np.testing.assert_allclose(members.EA, 2e11 * np.arange(1, count + 1))
