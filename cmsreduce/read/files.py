@@ -22,6 +22,7 @@ from cmsreduce.errors import ReadError, refuse_device
 __all__ = [
     "HEADERS",
     "LIBRARY_ERRORS",
+    "check_included",
     "files_read",
     "is_med",
     "is_text",
@@ -78,6 +79,8 @@ def _record(path: Path) -> None:
         found.add(path.absolute())
 
 
+# Files that include one another; more would exceed the stack of Python.
+_DEEPEST = 50
 # A file that was changed less than a second ago may change again without a new time.
 _SETTLED_NS = 10**9
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -109,6 +112,23 @@ def reading(path: Path, content: str) -> Iterator[None]:
             f"{path}: {content} cannot be read: {reason}. The file ({path.stat().st_size} bytes) is truncated or "
             "damaged: write it again, or copy it again in binary mode"
         ) from error
+
+
+def check_included(path: Path, chain: tuple[Path, ...]) -> None:
+    """Check a file that the last of a chain of files includes, each of them included by the one before.
+
+    Raises
+    ------
+    ReadError
+        If it is one of them, or they are too many.
+    """
+    if path.resolve() in [p.resolve() for p in chain]:
+        raise ReadError(f"{path} includes itself: {' -> '.join(str(p) for p in (*chain, path))}")
+    if len(chain) > _DEEPEST:
+        raise ReadError(
+            f"{path}: it is included by {chain[-1].name}, which is included in turn, {len(chain)} files deep; at most "
+            f"{_DEEPEST} are read: write the innermost ones into the files that include them"
+        )
 
 
 def require_file(path: Path) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.files import read_text
+from cmsreduce.read.files import check_included, read_text
 from cmsreduce.read.printed_numbers import whole_number
 
 __all__ = ["Block", "DeckSets", "blocks", "deck_sets", "element_nodes", "longest_start", "preload_step"]
@@ -71,10 +71,9 @@ def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
     Raises
     ------
     ReadError
-        If a file is missing or includes itself.
+        If a file is missing, includes itself, or lies in too many others.
     """
-    if path.resolve() in chain:
-        raise ReadError(f"{path} includes itself")
+    check_included(path, chain)
     block: Block | None = None
     continued = False
     for number, line in enumerate(read_text(path).splitlines(), start=1):
@@ -96,7 +95,7 @@ def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
         block = Block(" ".join(head.upper().split()), _options(rest), f"{path}, line {number}: *{head}", path)
         continued = line.endswith(",")
         if block.keyword == "INCLUDE":
-            yield from blocks(path.parent / block.options.get("INPUT", ""), (*chain, path.resolve()))
+            yield from blocks(path.parent / block.options.get("INPUT", ""), (*chain, path))
             block = None
     if block is not None:
         yield block

@@ -35,6 +35,7 @@ _ON_AXIS = 1e-7
 _COLLINEAR = 1e-7
 # Columns of a field; a number that fills it was cut to fit.
 _FIELD = 8
+_DEEPEST = 100  # systems that are defined in one another, by Python's stack
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,6 +313,8 @@ class FrameChain:
         if id in waiting:
             loop = " -> ".join(str(i) for i in (*waiting[waiting.index(id) :], id))
             raise ReadError(f"{self._definitions[id].where}: coordinate system {id} is defined by itself: {loop}")
+        if len(waiting) > _DEEPEST:
+            raise ReadError(f"{where}: more than {_DEEPEST} coordinate systems, each defined in the next one")
         if id not in self._definitions:
             known = ", ".join(str(i) for i in sorted(self._definitions)[:10]) or "none"
             raise ReadError(

@@ -141,7 +141,9 @@ def _nodes(path: Path, tables: Iterable[pd.DataFrame], generalised: NDArray[np.i
 
 def _digits(values: NDArray[np.float64]) -> float:
     """Rounding of numbers, which files of 32 bits hold in single precision."""
-    return SINGLE if np.array_equal(values, values.astype(np.float32)) else DOUBLE
+    with np.errstate(over="ignore"):
+        single = values.astype(np.float32)
+    return SINGLE if np.array_equal(values, single) else DOUBLE
 
 
 OP2_GEOMETRY = GeometryFormat(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read import read_geometry
 from cmsreduce.read.nastran.cards import read_cards, texts_kept
 from cmsreduce.read.printed_numbers import real_number
 
@@ -203,3 +205,27 @@ def test_texts_that_are_kept_give_other_cards_of_the_same_deck(tmp_path: Path) -
         (tmp_path / "more.bdf").write_text("GRID,3\n")
         assert [fields[0] for fields in cards_of(tmp_path, "GRID,4", {"CROD"})] == ["8", "7"]
     assert cards_of(tmp_path, deck, {"GRID"}) == [("1",), ("3",)]
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "line"),
+    [("a.bdf", "BEGIN BULK\nGRID,1\n", "INCLUDE '{}'\n"), ("a.inp", "*NODE\n1, 0, 0, 0\n", "*INCLUDE, INPUT={}\n")],
+)
+def test_files_that_include_one_another_too_deep_are_refused(tmp_path: Path, name: str, first: str, line: str) -> None:
+    path = tmp_path / name
+    path.write_text(first + line.format("0"))
+    for k in range(60):
+        (tmp_path / str(k)).write_text(line.format(k + 1))
+    (tmp_path / "60").write_text("")
+    with pytest.raises(ReadError, match="51 files deep; at most 50 are read"):
+        read_geometry(path)
+
+
+def test_coordinate_systems_in_one_another_too_deep_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.bdf"
+    systems = "".join(f"CORD2R,{k},{k - 1},0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n" for k in range(1, 121))
+    path.write_text(f"BEGIN BULK\n{systems}GRID,1,100,1.,0.,0.\n")
+    np.testing.assert_allclose(read_geometry(path).nodes.xyz, [[1, 0, 0]])
+    path.write_text(f"BEGIN BULK\n{systems}GRID,1,120,1.,0.,0.\n")
+    with pytest.raises(ReadError, match="more than 100 coordinate systems"):
+        read_geometry(path)

@@ -15,7 +15,7 @@ from functools import cached_property, partial
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.files import read_text
+from cmsreduce.read.files import check_included, read_text
 from cmsreduce.read.nastran.cards.card import Card
 from cmsreduce.read.nastran.cards.lines import BulkLines, plain_line
 from cmsreduce.read.nastran.cards.open_card import IMAGES, OpenCard, image_of
@@ -79,7 +79,8 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     Raises
     ------
     ReadError
-        If a file is missing, includes itself, or a card is broken over lines in a way that cannot be read.
+        If a file is missing, includes itself or lies in too many others, or a card is broken over lines in a way that
+        cannot be read.
     """
     text = _text_of(path)
     if is_listing(text.content):
@@ -157,8 +158,7 @@ class _Reader:
 
     def read_file(self, path: Path, text: _Text, chain: tuple[Path, ...] = ()) -> None:
         """Read the lines of a file that the files of a chain include."""
-        if path.resolve() in [p.resolve() for p in chain]:
-            raise ReadError(f"{path} includes itself: {' -> '.join(str(p) for p in (*chain, path))}")
+        check_included(path, chain)
         self.files.append(path)
         lines, at = text.lines, 0
         while at < len(lines) and not self._done:
