@@ -153,7 +153,9 @@ def _text_of(path: Path) -> str:
 
 
 def _similar(path: Path) -> str:
-    """Suggest a file of the same folder with a similar name."""
+    """Suggest a file of the same folder with a similar name; of a link, where it leads."""
+    if path.is_symlink():
+        return f"; the link names {path.readlink()}"
     folder = path.parent
     beside = [file.name for file in folder.iterdir()] if folder.is_dir() else []
     meant = closest(path.name, beside)

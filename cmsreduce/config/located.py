@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -34,6 +35,7 @@ _DEEPEST = 50
 _MOST_ENTRIES = 200_000
 # Characters: the parser reads some ten thousand a second, and a pipeline has a few thousand.
 _LONGEST_FILE, _LONGEST_SCALAR = 500_000, 2_000
+_VERSION = re.compile(r"\s*%YAML[ \t]+(?!1\.2\b)(\S{1,20})")
 # Texts that are held with their trees: a sweep reads one pipeline with many overrides.
 _HELD = 100
 
@@ -124,6 +126,11 @@ def parse(text: str, source: str, folder: Path, in_override: bool = False) -> En
             f"{source}: the file has {len(text)} characters, a pipeline has {_LONGEST_FILE} at most: large "
             "data belongs in files that the pipeline names"
         )
+    if (stated := _VERSION.match(text)) is not None:
+        raise ConfigError(
+            f"{source}:1: the file says that it is YAML {stated[1]}, in which words such as `y` and `no` and numbers "
+            "such as `1:30` and `010` mean something else; a pipeline is YAML 1.2: take the line out"
+        )
     yaml = YAML(typ="safe", pure=True)
     yaml.Composer = _ShallowComposer
     try:
@@ -152,6 +159,11 @@ class _ShallowComposer(Composer):
             return found
         finally:
             self._depth -= 1
+
+
+def _named(path: str) -> str:
+    """The key of a value; that of an override is in its source."""
+    return f"key '{path}'" if path else "the value"
 
 
 @dataclass
@@ -204,7 +216,8 @@ class _Reader:
                 raise ConfigError(f"{where}: a key of '{path or 'the file'}' has {len(name)} characters")
             inner = f"{path}.{name}" if path else name
             if name in own:
-                raise ConfigError(f"{where}: key '{inner}' is given twice, first in line {own[name].where.line}")
+                first = "" if self.in_override else f", first in line {own[name].where.line}"
+                raise ConfigError(f"{where}: key '{inner}' is given twice{first}")
             if isinstance(item, ScalarNode) and item.tag == _TAG + "null" and not item.value:
                 if name.isdigit() and own:
                     before = list(own.values())[-1].value
@@ -248,16 +261,16 @@ class _Reader:
         where = self.location(node.start_mark.line)
         if node.tag not in _NUMBER_TAGS:
             tag = str(node.tag).replace(_TAG, "!!")
-            raise ConfigError(f"{where}: key '{path}' has the tag {tag}; a pipeline is plain YAML, without tags")
+            raise ConfigError(f"{where}: {_named(path)} has the tag {tag}; a pipeline is plain YAML, without tags")
         try:
             number: int | float | bool = self.yaml.constructor.construct_object(node)
         except (ValueError, YAMLError):
-            raise ConfigError(f"{where}: key '{path}': '{text}' is not a number") from None
+            raise ConfigError(f"{where}: {_named(path)}: '{text}' is not a number") from None
         # No node, count or thread has such a number: where a whole number is expected, it is refused by its key.
         if isinstance(number, int) and abs(number) > LARGEST_WHOLE:
             number = float(number) if abs(number) < sys.float_info.max else math.inf
         if math.isfinite(number) and abs(number) > LARGEST_NUMBER:
-            raise ConfigError(f"{where}: key '{path}': {number:g} is beyond the largest number, {LARGEST_NUMBER:g}")
+            raise ConfigError(f"{where}: {_named(path)}: {number:g} is beyond the largest number, {LARGEST_NUMBER:g}")
         return number
 
 

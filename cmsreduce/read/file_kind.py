@@ -333,7 +333,8 @@ def _own(path: Path, said: Any, version: Any) -> FileKind | None:
     if program != "cmsreduce" or kind not in _OWN:
         return None
     words, step = _OWN[kind]
-    return FileKind(kind, f"{words} (format version {version})", step=step.format(path=path))
+    stated = f" (format version {version})" if version else ""
+    return FileKind(kind, f"{words}{stated}", step=step.format(path=path))
 
 
 def _foreign(items: Sequence[str]) -> FileKind:

@@ -221,3 +221,9 @@ def test_one_file_may_be_included_twice(tmp_path):
     (tmp_path / "a.yaml").write_text("include: base.yaml\ncomponents: {a: {extseout: a}}\n")
     (tmp_path / "p.yaml").write_text("name: p\ninclude: [a.yaml, base.yaml]\n")
     assert load_pipeline(tmp_path / "p.yaml").scene.band == (0.0, 3.0)
+
+
+def test_a_link_to_no_file_is_named_with_what_it_names(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").symlink_to("gone.yaml")
+    with pytest.raises(ReadError, match=r"study\.yaml: there is no such file; the link names gone\.yaml$"):
+        load_pipeline(tmp_path / "study.yaml")

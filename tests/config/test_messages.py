@@ -158,6 +158,7 @@ MISTAKES = {
         "balance: {rank", "reduce: {cutoff: 4}\nbalance: {rank", 0, "key 'reduce' is given twice, first in line "),
     "key without a value": (
         "write: {formats: [hdf5]}", "write:", 0, "key 'write' has no value: write {} to take the defaults, null to"),
+    "older YAML": ("name: galileo", "%YAML 1.1\n---\nname: galileo", 0, "the file says that it is YAML 1.1, in which"),
     "tag": ("name: galileo", "name: !!python/object:os.system galileo", 0, "has the tag !!python/object:os.system"),
     "memory without unit": (
         "name: galileo", "name: galileo\nsolver: {memory: 8}", 1,
@@ -212,6 +213,9 @@ def test_mistake_in_the_file(galileo, edited, old, new, off, words):
         ("verify.frf.points=" + "9" * 400, "'verify.frf.points'"),
         ("solver.threads=99999999999", "solver.threads"),
         ("solver.ranks=99999999999", "solver.ranks"),
+        ("scene.band=null", "key 'scene.band': null is not a number with a unit"),
+        ("reduce.cutoff=!!float x", "--set reduce.cutoff=!!float x: the value: 'x' is not a number"),
+        ("verify.limits={frf_error: 1 %, frf_error: 2 %}", "key 'frf_error' is given twice"),
         ("solver.memory=true", "an amount of memory with its unit is expected"),
         ("reduce.residuals=[99999999999999999999]", "is no residual"),
         ('reduce.residuals=["99999999999999999999.x"]', "is no residual"),

@@ -210,3 +210,11 @@ def test_a_pipeline_in_json_is_a_pipeline(tmp_path: Path, text: str) -> None:
     expect_kind(path, "pipeline")
     with pytest.raises(ReadError, match="this is the summary of a run, not a pipeline"):
         expect_kind(summary, "pipeline")
+
+
+def test_a_finished_stage_has_no_version_to_name(tmp_path: Path) -> None:
+    path = tmp_path / "beam.read.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs["format"] = "cmsreduce stage"
+    with pytest.raises(ReadError, match=r"this is a finished stage of a run of cmsreduce, which holds no nodes"):
+        read_geometry(path)

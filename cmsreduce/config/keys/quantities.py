@@ -176,7 +176,8 @@ def parse_quantity(value: object) -> Quantity:
         examples = f"e.g. {EXAMPLES['angle']} or {EXAMPLES['frequency']}"
         if isinstance(value, str) and re.match(r"\s*[-+]?\d+,\d", value):
             examples = f"which has a point, not a comma: {value.replace(',', '.', 1)}"
-        raise UnitsError(f"'{value}' is not a number with a unit, {examples}")
+        found = {type(None): "null", list: "a list", dict: "a mapping"}.get(type(value), f"'{value}'")
+        raise UnitsError(f"{found} is not a number with a unit, {examples}")
     if abs(number := float(form[1])) > LARGEST_NUMBER:
         raise UnitsError(f"'{value}' is not a finite number up to {LARGEST_NUMBER:g}")
     return Quantity(number, _unit_named(form[2] or "", str(value)))
