@@ -95,6 +95,11 @@ def read_body(
             check_name(given)
         except ValueError as error:
             raise ConfigError(f"read_body: {error}") from None
+    if not isinstance(geometry, (str, Path, type(None))):
+        raise ConfigError(
+            f"read_body: geometry is the name of a deck or mesh, found {type(geometry).__name__}; write nodes that are "
+            "in memory to a text file: a line `Node<tab>X<tab>Y<tab>Z`, then a line of number and place for each"
+        )
     specs = {}
     for label, nodes in (interfaces or {}).items():
         ids = nodes if isinstance(nodes, (InterfaceSpec, Sequence)) else (int(nodes),)

@@ -272,3 +272,15 @@ def test_help_lists_every_name():
     assert all(getattr(cms, name).__doc__ for name in cms.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         cms.nonsense  # noqa: B018
+
+
+def test_nodes_in_memory_are_refused_with_the_file_to_write(tmp_path: Path) -> None:
+    xyz = np.array([[0.0, 0, 0], [1, 0, 0]])
+    K = np.kron([[1.0, -1], [-1, 1]], np.diag([1.0, 0, 0]))
+    rows = [f"{node}.{c}" for node in (1, 2) for c in (1, 2, 3)]
+    given = {"stiffness": K, "mass": np.eye(6), "rows": rows, "interfaces": {"end": 1}}
+    with pytest.raises(cms.CmsReduceError, match="geometry is the name of a deck or mesh, found ndarray; write nodes"):
+        cms.read_body("rod", geometry=xyz, **given)  # type: ignore[arg-type]
+    path = tmp_path / "nodes.txt"
+    path.write_text("Node\tX\tY\tZ\n1\t0\t0\t0\n2\t1\t0\t0\n")
+    np.testing.assert_array_equal(cms.read_body("rod", geometry=path, rows_trusted=True, **given).nodes.xyz, xyz)
