@@ -174,7 +174,9 @@ class Candidates:
         compared, configuration = self.measure.comparison, trial.target.configuration
         own = compared.grid(configuration, [self._narrowed(selection)], quick=quick)
         target = compared.target(configuration, np.union1d(trial.target.omega, own), self.model, quick=quick)
-        return self._trial(target, trial.full_db, trial.limits)
+        # Of the trial's own response parts that are rounding are left out.
+        full_db = compared.reference.decibels([configuration])[0] if trial.points_db.size else trial.full_db
+        return self._trial(target, full_db, trial.limits)
 
     def tighten(self, name: str, factor: float) -> None:
         """Multiply one limit by a factor: several models met it on these grids, and missed it on grids of their own."""
