@@ -65,7 +65,12 @@ def _version(facts: dict[str, Any]) -> tuple[int, ...]:
 
 
 def _digests(facts: dict[str, Any]) -> dict[str, str]:
-    # Other programs write 1.0 as 1, and sort keys.
     texts = {key: json.dumps(value, allow_nan=False) for key, value in facts.items()}
-    plain = {key: json.dumps(json.loads(text, parse_int=float), sort_keys=True) for key, text in texts.items()}
+    trees = {key: json.loads(text, parse_int=_number, parse_float=_number) for key, text in texts.items()}
+    plain = {key: json.dumps(tree, sort_keys=True) for key, tree in trees.items()}
     return {key: hashlib.sha256(text.encode()).hexdigest() for key, text in plain.items()}
+
+
+def _number(text: str) -> float:
+    """The number in the form that all programs share: others write 1.0 as 1 and -0.0 as 0, and sort keys."""
+    return float(text) + 0.0
