@@ -41,8 +41,7 @@ def measured_speed(
         Half the difference between the longest and the shortest time, relative to the median.
     """
     system = scene_system(scene, bodies)
-    squares, _ = system.linear(system.start({}, None, {}))
-    highest = float(np.sqrt(max(squares.max(initial=0.0), 0.0))) or 2 * np.pi * band_hz
+    highest = system.fastest(system.start({}, None, {})) or 2 * np.pi * band_hz
     step = longest_step(accuracy) / highest
     span = _STEPS * step
     times = [

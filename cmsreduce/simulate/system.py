@@ -9,6 +9,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError, SimulationError
+from cmsreduce.linalg.eigen import fastest_root
 from cmsreduce.simulate.equations import CLOSED, IMPLIED, PROJECTIONS, Equations, multipliers
 from cmsreduce.simulate.joints import Frame
 from cmsreduce.simulate.movements import JointMotion
@@ -194,6 +195,20 @@ class MultibodySystem(Equations):
                 "and their geometric stiffness have lost their meaning, or its modal integrals do not fit its mass"
             ) from None
         return squares, Z @ X
+
+    def fastest(self, y: Array) -> float:
+        """Highest frequency in rad/s of small motions about a state at rest, or the size of a faster root."""
+        (squares, X), frames = self.linear(y), self.frames(y)
+        rows = self.movement_rows(frames, self._moving(frames))
+        D = np.zeros((self.n, self.n))
+        for body, own in zip(self.bodies, self.speeds, strict=True):
+            D[own, own][6:, 6:] = body.D
+            if body.gyroscopic is not None:
+                D[own, own] += body.gyroscopic
+        for element in self.elements:
+            row = rows[element.movement]
+            D += element.damping * np.outer(row, row)
+        return fastest_root(np.sqrt(np.maximum(squares, 0.0)), X.T @ D @ X)
 
     def response_of_rigid(self, movement: int) -> float:
         """Acceleration of a movement by a unit of effort on it, at the start, bodies rigid and springs absent.

@@ -7,7 +7,7 @@ The meaning of a mode for a body belongs in `reduce` or `verify`.
 from cmsreduce.linalg.eigen.complex_modes import ComplexModes, complex_modes
 from cmsreduce.linalg.eigen.damped_pencil import DampedPencil
 from cmsreduce.linalg.eigen.eigenpairs import beside_modes, certified_modes, count_below, modes_below
-from cmsreduce.linalg.eigen.highest import highest_frequency
+from cmsreduce.linalg.eigen.highest import fastest_root, highest_frequency
 from cmsreduce.linalg.eigen.null_space import (
     DEPENDENT,
     null_space,
@@ -40,6 +40,7 @@ __all__ = [
     "elastic_and_massless",
     "elastic_pairs",
     "energy_parts",
+    "fastest_root",
     "highest_frequency",
     "modes_below",
     "null_space",

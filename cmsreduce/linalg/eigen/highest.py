@@ -1,4 +1,4 @@
-"""Highest frequency of a sparse pencil, which limits explicit steps in time."""
+"""Highest frequency of a system, or the size of a faster root, which limits explicit steps in time."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.sparse import Factor, NotPositiveDefiniteError, factorise
 
-__all__ = ["HighestFrequency", "highest_frequency"]
+__all__ = ["HighestFrequency", "fastest_root", "highest_frequency"]
 
 Array = NDArray[np.float64]
 Motion = Callable[[Array], Array]
@@ -23,6 +24,8 @@ _TOLERANCE = 1e-3
 # Rows below which all eigenvalues are computed by dense algebra.
 _DENSE = 300
 _SEED = 3
+# Damping and gyroscopic forces below this share of the highest frequency raise no root above it by more than 5 %.
+_SLOW = 0.1
 
 
 class HighestFrequency(NamedTuple):
@@ -32,13 +35,34 @@ class HighestFrequency(NamedTuple):
     factor_entries: int
 
 
-def highest_frequency(K: sp.csc_array, M: sp.csc_array) -> HighestFrequency | None:
-    """Highest natural frequency of K x = w^2 M x; rows without mass follow statically.
+def fastest_root(omega: Array, D: Array) -> float:
+    """Highest frequency of modes in rad/s, or the size of a faster root: a nutation, or the decay of a strong damper.
+
+    Parameters
+    ----------
+    omega : (k,) float64
+        Frequencies of modes of unit mass in rad/s; zero for rigid motions.
+    D : (k, k) float64
+        Their damping and gyroscopic forces.
+    """
+    highest, strongest = float(omega.max(initial=0.0)), float(np.linalg.norm(D, 2)) if D.size else 0.0
+    if strongest <= _SLOW * highest:
+        return highest
+    k, scale = omega.size, max(highest, strongest)
+    # Amplitudes times a frequency, and rates.
+    A = np.block([[np.zeros((k, k)), scale * np.eye(k)], [-np.diag(omega**2) / scale, -D]])
+    return max(highest, float(abs(np.linalg.eigvals(A)).max()))
+
+
+def highest_frequency(K: sp.csc_array, M: sp.csc_array, D: sp.csc_array | None = None) -> HighestFrequency | None:
+    """Highest natural frequency of K x = w^2 M x, or the size of a faster root; rows without mass follow statically.
 
     Parameters
     ----------
     K, M : (n, n) sparse array
         Symmetric, positive semidefinite.
+    D : (n, n) sparse array, optional
+        Damping and gyroscopic forces.
 
     Returns
     -------
@@ -55,11 +79,15 @@ def highest_frequency(K: sp.csc_array, M: sp.csc_array) -> HighestFrequency | No
         held = factorise(sp.csc_array(K[massless][:, massless]), what="the massless part") if massless.size else None
     except NotPositiveDefiniteError:
         return None
-    operator = _condensed(K, massive, massless, held)
+    operator, drag = (None if A is None else _condensed(sp.csc_array(A), K, massive, massless, held) for A in (K, D))
+    assert operator is not None
     n = massive.size
     if n <= _DENSE:
-        squares = np.linalg.eigvals(mass(operator(np.eye(n)))).real
-        return HighestFrequency(float(np.sqrt(max(squares.max(), 0.0))), mass.cost.nnz)
+        one = np.eye(n)
+        squares, X = la.eigh(operator(one), M[massive][:, massive].toarray())
+        omega = np.sqrt(np.maximum(squares, 0.0))
+        top = float(omega.max()) if drag is None else fastest_root(omega, X.T @ drag(X))
+        return HighestFrequency(top, mass.cost.nnz)
     start = np.random.default_rng(_SEED).standard_normal(n)
     (largest,) = spla.eigsh(
         spla.LinearOperator((n, n), matvec=operator, dtype=np.float64),
@@ -71,14 +99,38 @@ def highest_frequency(K: sp.csc_array, M: sp.csc_array) -> HighestFrequency | No
         tol=_TOLERANCE,
         return_eigenvectors=False,
     )
-    return HighestFrequency(float(np.sqrt(max(largest, 0.0))), mass.cost.nnz)
+    highest = float(np.sqrt(max(largest, 0.0)))
+    if drag is not None:
+
+        def rate(x: Array) -> Array:
+            return np.concatenate([highest * x[n:], -mass(operator(x[:n]) / highest + drag(x[n:]))])
+
+        roots = spla.eigs(
+            spla.LinearOperator((2 * n, 2 * n), matvec=rate, dtype=np.float64),
+            k=2,
+            which="LM",
+            v0=np.tile(start, 2),
+            tol=_TOLERANCE,
+            return_eigenvectors=False,
+        )
+        highest = max(highest, float(abs(roots).max()))
+    return HighestFrequency(highest, mass.cost.nnz)
 
 
-def _condensed(K: sp.csc_array, massive: NDArray[np.int64], massless: NDArray[np.int64], held: Factor | None) -> Motion:
-    """Stiffness of the rows with mass, the others in equilibrium, as a function of motions."""
-    own = sp.csr_array(K[massive][:, massive])
+def _condensed(
+    A: sp.csc_array, K: sp.csc_array, massive: NDArray[np.int64], massless: NDArray[np.int64], held: Factor | None
+) -> Motion:
+    """T^T A T as a function of motions of the rows with mass; T: the others in equilibrium under K."""
+    own = sp.csr_array(A[massive][:, massive])
     if held is None:
         return lambda x: np.asarray(own @ x)
-    across = sp.csr_array(K[massive][:, massless])
-    back = sp.csr_array(across.T)
-    return lambda x: np.asarray(own @ x - across @ held(np.asarray(back @ x)))
+    every = sp.csr_array(A)
+    back = sp.csr_array(K[massless][:, massive])
+
+    def condensed(x: Array) -> Array:
+        moved = np.zeros((A.shape[0], *x.shape[1:]))
+        moved[massive], moved[massless] = x, -held(np.asarray(back @ x))
+        force = every @ moved
+        return np.asarray(force[massive] - back.T @ held(force[massless]))
+
+    return condensed

@@ -51,7 +51,7 @@ def _full(run: Run, configuration: Configuration) -> SimulationCost | None:
     assert run.pipeline.verify is not None
     keys, system = run.pipeline.verify.cost, run.in_dofs.system(configuration)
     K, M = sp.csc_array(system.K), sp.csc_array(system.M)
-    found = highest_frequency(K, M)
+    found = highest_frequency(K, M, None if system.D is None else sp.csc_array(system.D))
     if found is None:
         return None
     if any(each.body.D is not None or each.body.damping.law != "none" for each in run.bodies.values()):

@@ -8,6 +8,7 @@ import numpy as np
 
 from cmsreduce.balance import Selection
 from cmsreduce.linalg.blocks import dense
+from cmsreduce.linalg.eigen import fastest_root
 from cmsreduce.mechanics import cost
 from cmsreduce.model import Configuration, Integrator, ModalComponent, SimulationCost
 from cmsreduce.pipeline.store import diagnostic
@@ -18,8 +19,6 @@ __all__ = ["highest_frequency", "reduced_cost", "selection_cost"]
 
 # Coordinates of a system whose modes dense algebra finds in seconds.
 _DENSE = 1500
-# Damping and gyroscopic forces below this share of the highest frequency raise no root above it by more than 5 %.
-_SLOW = 0.1
 
 
 @diagnostic("the highest frequency of '{}'", about=lambda model, configuration: configuration.name)
@@ -35,17 +34,10 @@ def _highest_omega(model: AssembledModel, configuration: Configuration) -> float
     if system.N > _DENSE:
         return None
     omega, Phi, _ = model.every_mode(configuration)
-    highest = float(omega.max(initial=0.0))
-    if system.D is None or not omega.size:
-        return highest
+    if system.D is None:
+        return float(omega.max(initial=0.0))
     X = np.hstack([system.rigid, Phi])
-    D = X.T @ dense(system.D @ X)
-    if np.linalg.norm(D, 2) <= _SLOW * highest:
-        return highest
-    n, w = len(D), np.concatenate([np.zeros(system.rigid.shape[1]), omega])
-    # Amplitudes times the highest frequency, and rates.
-    A = np.block([[np.zeros((n, n)), highest * np.eye(n)], [-np.diag(w**2) / highest, -D]])
-    return max(highest, float(abs(np.linalg.eigvals(A)).max()))
+    return fastest_root(np.concatenate([np.zeros(system.rigid.shape[1]), omega]), X.T @ dense(system.D @ X))
 
 
 def reduced_cost(

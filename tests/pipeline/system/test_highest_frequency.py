@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.pipeline import Run
+from cmsreduce.linalg.eigen import highest
+from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.results import floating_bodies, multibody_scene
 from cmsreduce.pipeline.system import highest_frequency
+from cmsreduce.simulate import scene_system
 
 FAST = {
     "wheel": "components.hub.wheels={roll: {axis: x, momentum: 1e6 N*m*s}}",
@@ -29,3 +34,30 @@ def test_a_nutation_and_a_strong_damper_set_the_step(opened: Callable[..., Run],
     found = highest_frequency(model, at)
     assert found == pytest.approx(abs(la.eigvals(A)).max() / (2 * np.pi), rel=1e-6)
     assert found > 2 * (highest_frequency(still.model.assembled, at) or np.inf)
+
+
+@pytest.mark.parametrize("dense_rows", [300, 0])
+@pytest.mark.parametrize("kind", FAST)
+def test_the_full_system_counts_them_too(
+    opened: Callable[..., Run], kind: str, dense_rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(highest, "_DENSE", dense_rows)
+    run = opened(FAST[kind].replace("1e6", "1e9").replace("1e5", "1e9"))
+    system = run.in_dofs.system(run.scene.configurations[0])
+    M, D, K = (dense(A) for A in (system.M, system.D, system.K))
+    n = len(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, D)]])
+    found, still = (highest.highest_frequency(*(sp.csc_array(A) for A in some)) for some in ((K, M, D), (K, M)))
+    assert found.omega == pytest.approx(abs(la.eigvals(A)).max(), rel=1e-4)
+    assert found.omega > 2 * still.omega
+
+
+@pytest.mark.parametrize("kind", FAST)
+def test_a_measured_step_counts_them_too(opened: Callable[..., Run], study: Path, kind: str) -> None:
+    run = opened(FAST[kind], "verify.checks=[]")
+    execute(run, study, report=False)
+    at = run.scene.configurations[0]
+    scene = multibody_scene(run.folder, at.name)
+    system = scene_system(scene, floating_bodies(scene))
+    expected = 2 * np.pi * (highest_frequency(run.model.assembled, at) or np.inf)
+    assert system.fastest(system.start({}, None, {})) == pytest.approx(expected, rel=1e-6)
