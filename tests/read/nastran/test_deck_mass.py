@@ -68,6 +68,8 @@ def test_bars_and_points_weigh_what_their_cards_say(tmp_path: Path, cards, parts
         ("CONM2,1,3,,0.",),
         ("CONM2,1,3,,6.5", "CQUAD4,1,1,1,2,3,4"),
         ("CONM2,1,3,,6.5", "CMASS2,1,5.,1,1,2,1"),
+        # A scalar point that takes part in the motion along an axis of its own; its component may be given as 1.
+        ("CONM2,1,3,,6.5", "SPOINT,2", "CMASS2,1,5.,2,1"),
         ("CONM2,1,3,4,6.5,.1",),
         ("CONM2,1,99,,6.5",),
         ("CONM2,1,3,,six",),

@@ -52,7 +52,7 @@ _CARDS = (
     # Cards of mass alone, then of stiffness alone.
     *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1"),
     *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
-    *("GENEL", "PMASS", "PELAS", "PBUSH", "PBUSHT", "MATT1", "MATT2", "MATT8", *LAYERED, *UNCOUNTED),
+    *("SPOINT", "GENEL", "PMASS", "PELAS", "PBUSH", "PBUSHT", "MATT1", "MATT2", "MATT8", *LAYERED, *UNCOUNTED),
 )
 _CONSTRAINTS = ("MPC", "RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RROD", "RTRPLT", "RSPLINE", "RSSCON", "RJOINT")
 # A listing echoes the cards behind their count. A pattern that begins with one character is searched for quickly.

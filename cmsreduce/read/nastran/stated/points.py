@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import cross_matrix
 from cmsreduce.read.nastran.cards import Card
+from cmsreduce.read.nastran.grids import scalar_points
 from cmsreduce.read.nastran.stated.elements import Elements, node_index
 from cmsreduce.read.stated import NotCountedError
 
@@ -62,11 +63,14 @@ def uneven_masses(elements: Elements) -> Array | None:
     # Up to four pairs of a number and a mass.
     pairs = [(card, k) for card in cards.get("PMASS", ()) for k in range(0, len(card.fields), 2)]
     masses = {card.integer(k): card.real(k + 1) for card, k in pairs if card.text(k)}
+    # Such a point may lie among the nodes; the 1 that a card may give as its component is no axis of theirs.
+    scalars = scalar_points(cards, {})
     for name in ("CMASS1", "CMASS2"):
         for card in cards.get(name, ()):
             ends = [(card.integer(k), card.integer(k + 1, 0)) for k in (2, 4) if card.integer(k, 0)]
             number = card.integer(1, card.integer(0)) if name == "CMASS1" else None
-            if len(ends) != 1 or not ends[0][1] or (number is not None and number not in masses):
+            lacking = number is not None and number not in masses
+            if len(ends) != 1 or not ends[0][1] or ends[0][0] in scalars or lacking:
                 raise NotCountedError
             at, component = node_index(nodes, ends[0][0]), ends[0][1] - 1
             along = np.zeros(6)
