@@ -101,7 +101,13 @@ def _load_labelled(path: Path, format: str, text: bytes, symmetric: bool, factor
         )
     keys, place = np.unique(node * KEY_STEP + dof, return_inverse=True)
     dofs = DofTable.from_keys(keys)
-    A = _matrix(path, place.reshape(node.shape), factor * value, len(dofs), lambda i: dofs.labels[i])
+    place = place.reshape(node.shape)
+    if symmetric:
+        # One triangle in the order of the program has entries on both sides of the diagonal in that of the labels.
+        upper = np.sort(place, axis=1)
+        if np.unique(upper @ [len(dofs), 1]).size == len(upper):
+            place = upper
+    A = _matrix(path, place, factor * value, len(dofs), lambda i: dofs.labels[i])
     if symmetric:
         A = mirrored(A)
     return LabelledMatrix(A, path.stem, path, format, rounding_of_printed(printed), dofs)

@@ -9,6 +9,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.read import detect_format, matrix_names, read_matrix
 
 K = np.array([[3.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 2.0e7, -1.0], [0.0, -1.0, 1.0]])
+MIXED = np.triu(K) + np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]]) * K[0, 1]
 SKEW = np.array([[1.0, 2.0], [-2.0, 1.0]])
 
 
@@ -49,6 +50,9 @@ def test_triangles_and_ways_to_print(
     [
         ("", "{i},1, {j},1, {v:.15e}", K, K),
         ("** Abaqus\n*MATRIX INPUT, NAME=K\n", "{i},1, {j},1, {v:.15e}", np.tril(K), K),
+        # A triangle in an order of the program that is not that of the labels.
+        ("", "{i},1, {j},1, {v:.15e}", MIXED, K),
+        ("*MATRIX INPUT, NAME=K, TYPE=UNSYMMETRIC\n", "{i},1, {j},1, {v:.15e}", MIXED, MIXED),
         ("*MATRIX INPUT, NAME=K, TYPE=UNSYMMETRIC\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
         (" *matrix input, name=K, type=unsymmetric\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
         ("*MATRIX INPUT, NAME=K,\n  TYPE=UNSYMMETRIC\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
@@ -56,7 +60,18 @@ def test_triangles_and_ways_to_print(
         ("*MATRIX INPUT, NAME=K,\r\nTYPE=UNSYMMETRIC,\r\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
         ("*MATRIX INPUT, NAME=K, SCALE FACTOR=2.5D0\n", "{i},1, {j},1, {v:.15e}", np.tril(K), 2.5 * K),
     ],
-    ids=["labels", "triangle", "unsymmetric", "small letters", "two lines", "three lines", "Windows", "factor"],
+    ids=[
+        "labels",
+        "triangle",
+        "mixed",
+        "mixed unsymmetric",
+        "unsymmetric",
+        "small letters",
+        "two lines",
+        "three lines",
+        "Windows",
+        "factor",
+    ],
 )
 def test_abaqus_with_labels(tmp_path: Path, head: str, pattern: str, part: np.ndarray, expected: np.ndarray) -> None:
     path = tmp_path / "body.mtx"
