@@ -95,7 +95,8 @@ def _refuse_diagonal(A: sp.csc_array, dofs: DofTable, where: str, limit: float, 
         at = int(diagonal.argmin())
         raise MatrixError(
             f"{where} is not positive semidefinite: its diagonal is {diagonal[at]:.6g} at row {at + 1} "
-            f"({dofs.labels[at]}). Check its sign and its source: a structure returns no more energy than it takes up"
+            f"({dofs.labels[at]}). Check its sign and its source: a structure returns no more energy than it takes up, "
+            "and rows of multipliers, as code_aster writes them for supports, are left out by elimination"
         )
     bare = np.flatnonzero(diagonal == 0)
     beside = abs(sp.csc_array(A[:, bare])).tocoo()

@@ -37,6 +37,10 @@ REFUSED = {
         {"K": sp.csc_array([[1e10, -1e10, 1.0], [-1e10, 1e10, -1.0], [1.0, -1.0, 0]])},
         r"not positive semidefinite: its diagonal is 0 at row 3 \(2\.1\), which has -?1 at 1\.[12], .* Lagrange",
     ),
+    "two multipliers for each support": (
+        {"K": sp.csc_array([[9.0, 5.0, 5.0], [5.0, -5.0, 5.0], [5.0, 5.0, -5.0]])},
+        r"its diagonal is -5 at row 2 \(1\.2\)\. .* multipliers, as code_aster writes them .* by elimination",
+    ),
     "unsymmetric damping": ({"D": with_entry(0, 1, 0.3)}, r"damping matrix D is not symmetric"),
     "penalty": (
         {"K": sp.csc_array([[1e36, 0.5, 0], [0.5, 1e36, 0], [0, 0, 1.0]])},
