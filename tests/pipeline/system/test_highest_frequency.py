@@ -11,7 +11,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.linalg.eigen import highest
+from cmsreduce.linalg.eigen import fastest_root, highest
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.results import floating_bodies, multibody_scene
 from cmsreduce.pipeline.system import highest_frequency
@@ -61,3 +61,14 @@ def test_a_measured_step_counts_them_too(opened: Callable[..., Run], study: Path
     system = scene_system(scene, floating_bodies(scene))
     expected = 2 * np.pi * (highest_frequency(run.model.assembled, at) or np.inf)
     assert system.fastest(system.start({}, None, {})) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("turning", [0.0, 200.0])
+def test_the_fastest_root_of_hundreds_of_modes_is_that_of_dense_algebra(turning):
+    """Above 300 modes it is iterated for: dampers between a few modes of all, and wheels."""
+    rng, k = np.random.default_rng(4), 340
+    omega, B, G = np.sort(rng.uniform(0.0, 1e4, k)), rng.standard_normal((k, 3)), rng.standard_normal((k, 2))
+    D = (0.0 if turning else 1e3) * B @ B.T + turning * (G[:, :1] @ G[:, 1:].T - G[:, 1:] @ G[:, :1].T)
+    roots = np.linalg.eigvals(np.block([[np.zeros((k, k)), np.eye(k)], [-np.diag(omega**2), -D]]))
+    assert abs(roots).max() > 2 * omega.max()
+    assert fastest_root(omega, D) == pytest.approx(abs(roots).max(), rel=1e-3)
