@@ -28,7 +28,7 @@ _INDEPENDENT = 1e-6
 _SPRING = 1e-3
 # Rigid motions of a body that is free in all directions.
 _ALL_MOTIONS = 6
-# Forces of a rotation that nothing resists, in roundings of the file.
+# A pivot, or the force of a rotation, below so many roundings of the file is rounding.
 _ROUNDINGS = 1e3
 # Dofs named in a message.
 _NAMED = 12
@@ -237,7 +237,7 @@ def _is_sound(A: sp.csc_array, still: NDArray[np.int64], rounding: float) -> boo
     """True if a factorisation shows that a matrix without some rows has no null space."""
     rest = np.setdiff1d(np.arange(A.shape[0]), still)
     try:
-        return bool(factorise(sp.csc_array(A[rest][:, rest])).weakest[1] > max(_SOUND_PIVOT, 1e3 * rounding))
+        return bool(factorise(sp.csc_array(A[rest][:, rest])).weakest[1] > max(_SOUND_PIVOT, _ROUNDINGS * rounding))
     except NotPositiveDefiniteError:
         return False
 

@@ -106,11 +106,9 @@ class BodyLosses:
         d the flexibility of the joined bodies along the shape. It changes the output by its adjoint amplitude z, so
         that the response is H - z x / d. Where the joints need the shape, d is zero and the response is not finite.
         """
-        found = []
-        for H, x, z, D in self._places:
-            # Amplitudes of the combinations, from those of the shapes.
-            share = np.eye(D.shape[1]) if basis is None else np.linalg.inv(basis)
-            found.append((H, share @ x, share @ z, np.sum((share @ D) * share, axis=2)))
-        for j in range(found[0][3].shape[1]):
+        # Amplitudes of the combinations, from those of the shapes.
+        share = np.eye(self._places[0][3].shape[1]) if basis is None else np.linalg.inv(basis)
+        found = [(H, share @ x, share @ z, np.sum((share @ D) * share, axis=2)) for H, x, z, D in self._places]
+        for j in range(len(share)):
             with np.errstate(divide="ignore", invalid="ignore"):
                 yield [H - z[:, j, :, None] * (x[:, j] / d[:, j, None])[:, None] for H, x, z, d in found]

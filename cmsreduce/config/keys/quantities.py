@@ -171,8 +171,7 @@ def parse_quantity(value: object) -> Quantity:
         if not abs(value) <= LARGEST_NUMBER:
             raise UnitsError(f"{value} is not a finite number up to {LARGEST_NUMBER:g}")
         return Quantity(float(value))
-    form = _FORM.fullmatch(value) if isinstance(value, str) else None
-    if form is None:
+    if not isinstance(value, str) or (form := _FORM.fullmatch(value)) is None:
         examples = f"e.g. {EXAMPLES['angle']} or {EXAMPLES['frequency']}"
         if isinstance(value, str) and re.match(r"\s*[-+]?\d+,\d", value):
             examples = f"which has a point, not a comma: {value.replace(',', '.', 1)}"
@@ -180,7 +179,7 @@ def parse_quantity(value: object) -> Quantity:
         raise UnitsError(f"{found} is not a number with a unit, {examples}")
     if abs(number := float(form[1])) > LARGEST_NUMBER:
         raise UnitsError(f"'{value}' is not a finite number up to {LARGEST_NUMBER:g}")
-    return Quantity(number, _unit_named(form[2] or "", str(value)))
+    return Quantity(number, _unit_named(form[2] or "", value))
 
 
 def parse_ratio(value: object) -> object:

@@ -35,7 +35,8 @@ _ON_AXIS = 1e-7
 _COLLINEAR = 1e-7
 # Columns of a field; a number that fills it was cut to fit.
 _FIELD = 8
-_DEEPEST = 100  # systems that are defined in one another, by Python's stack
+# Systems defined in one another: more would exceed the stack of Python.
+_DEEPEST = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,16 +315,15 @@ class FrameChain:
             loop = " -> ".join(str(i) for i in (*waiting[waiting.index(id) :], id))
             raise ReadError(f"{self._definitions[id].where}: coordinate system {id} is defined by itself: {loop}")
         if len(waiting) > _DEEPEST:
-            raise ReadError(f"{where}: more than {_DEEPEST} coordinate systems, each defined in the next one")
+            raise ReadError(f"{where}: more than {_DEEPEST} coordinate systems in one another; define {id} in basic")
         if id not in self._definitions:
             known = ", ".join(str(i) for i in sorted(self._definitions)[:10]) or "none"
             raise ReadError(
                 f"{where} refers to coordinate system {id}, which the deck does not define (it defines {known}). "
                 "Include the file with its CORD card"
             )
-        found = self._place(self._definitions[id], (*waiting, id))
-        self._resolved[id] = found
-        return found
+        self._resolved[id] = self._place(self._definitions[id], (*waiting, id))
+        return self._resolved[id]
 
     def _place(self, definition: FrameDefinition, waiting: tuple[int, ...]) -> CoordinateSystem:
         """Transform one definition into basic."""
