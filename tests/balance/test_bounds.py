@@ -154,6 +154,7 @@ def test_clusters_of_two(d, c, norm, modal, balanced):
     assert 2 * sigma.sum() >= norm - 0.006
 
 
+@pytest.mark.shared
 def test_the_space_station(space_station):
     """Rates only: the sum over the modes left out holds at every order, and so does twice that of Hankel values."""
     norm = elastic_norm(space_station)

@@ -214,6 +214,7 @@ def test_dampers_inside_a_body_need_an_interface(shared_data: Path, tmp_path: Pa
     assert worst["damping_error"] > 0.1
 
 
+@pytest.mark.shared
 def test_residuals_for_dampers_inside_a_body_hold_their_forces(shared_data: Path, tmp_path: Path) -> None:
     path = tmp_path / "chain.yaml"
     path.write_text(

@@ -43,7 +43,12 @@ def iss(folder: Path, shared_data: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("system", "frf_error", "db_error"), [("rotating_beam", 0.1, 3.0), ("hub_beams", 0.1, 1.0), ("iss", 0.05, 6.0)]
+    ("system", "frf_error", "db_error"),
+    [
+        ("rotating_beam", 0.1, 3.0),
+        ("hub_beams", 0.1, 1.0),
+        pytest.param("iss", 0.05, 6.0, marks=pytest.mark.shared),
+    ],
 )
 def test_no_greedy_search_keeps_fewer_modes(
     tmp_path: Path, shared_data: Path, system: str, frf_error: float, db_error: float

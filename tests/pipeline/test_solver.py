@@ -117,6 +117,7 @@ def test_a_solver_that_is_not_installed_is_refused(run, monkeypatch):
     assert code == 2 and "'cholmod' is not installed here; installed: superlu" in output
 
 
+@pytest.mark.pardiso
 def test_the_unreduced_body_is_represented_under_the_same_settings(files: Path, tmp_path: Path, monkeypatch) -> None:
     """By modes, as a larger body; without settings it would take SuperLU for so few rows."""
     monkeypatch.setattr(import_module("cmsreduce.pipeline.bodies.reference"), "ALL_MODES_LIMIT", 0)
@@ -128,6 +129,7 @@ def test_the_unreduced_body_is_represented_under_the_same_settings(files: Path, 
     assert done and {each.backend for each in done} == {"pardiso"}
 
 
+@pytest.mark.pardiso
 @pytest.mark.parametrize(("verify", "until"), [("", "write"), ("verify: {}\n", "write"), ("verify: {}\n", "reduce")])
 def test_the_modes_of_the_reference_count_those_of_the_reduction(
     verify: str, until: str, bar: FEModel, files: Path, tmp_path: Path, monkeypatch

@@ -111,6 +111,8 @@ class KnownFactors:
         """
         digest = _digest(entries)
         with self._lock:
+            # Two threads may have made it at once.
+            self._factors.pop(digest, None)
             self.make_room(size, limit)
             if size <= _KEPT_SHARE * limit and (inner is None or inner in self):
                 self._factors[digest] = factor, size, inner
