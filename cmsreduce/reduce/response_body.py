@@ -27,8 +27,9 @@ Complex = NDArray[np.complex128]
 _NEW = 1e-6
 # Directions of the richer model are dependent when the others leave this share of one's strain energy.
 _DEPENDENT = 1e-10
-# A mode of less mass than this share of the heaviest one's responds statically in any band.
-_NO_MASS = 1e-14
+# A mode above so many times the band responds statically within a millionth. It gets this frequency, with its
+# flexibility: stiffer modes would leave rounding in the soft ones of a system of several bodies.
+_STATIC = 1e3
 # Responses are found without a factor of their own when their residual has this share of their strain energy's root: a
 # receptance then errs by the square. So many columns of a three-dimensional solid are solved for, with the products
 # that belong to them, in the time of a factorisation: this number times the power 2/3 of its dofs.
@@ -170,18 +171,19 @@ class ResponseBody:
             Z = Z + 1j * omega * (T.T @ self._damping(richer) @ T)
         return np.asarray(seen @ np.linalg.solve(Z, seen.T) - self._rigid_flexibility / omega**2)
 
-    def modes(self, *, richer: bool) -> Substructure:
+    def modes(self, highest: float, *, richer: bool) -> Substructure:
         """The body in rigid motions and the modes that its shapes give, or these and their residuals.
 
         Parameters
         ----------
+        highest : float
+            End of the band in rad/s.
         richer : bool
             Take U, too.
         """
         T, M = self._pencil(richer)
         mass, E = la.eigh(M)
-        mass, E = mass[::-1], E[:, ::-1]
-        mass = np.maximum(mass, _NO_MASS * mass.max(initial=0.0))
+        mass, E = np.maximum(mass[::-1], (_STATIC * highest) ** -2), E[:, ::-1]
         Y, r = T @ (E / np.sqrt(mass)), self.rigid.shape[1]
         elastic = 1 / np.sqrt(mass)
         omega = np.concatenate([np.zeros(r), elastic])

@@ -12,13 +12,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from cmsreduce.assemble import physical_substructure
+from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError
-from cmsreduce.pipeline import Run
+from cmsreduce.pipeline import Run, Silent
 from cmsreduce.project import ESTIMATE_FACTOR
 from cmsreduce.reduce import ResponseBody, reduction, response_body
 from tests.pipeline.random_solids import certified
-from tests.pipeline.study import CANTILEVER, Log, arm, panel
-from tests.solids import block
+from tests.pipeline.study import CANTILEVER, Log, arm, panel, write_body
+from tests.solids import block, face
 
 SCENE = "reduce={method: scene}"
 ALL = "balance={keep: all}"
@@ -90,7 +91,7 @@ def test_the_richer_model_is_that_of_the_shapes_and_their_residuals() -> None:
     by_hand = seen.T @ la.solve(K - w**2 * M, seen)
     found = own.reduced_flexibility(w, richer=True)
     np.testing.assert_allclose(found, by_hand, rtol=0, atol=1e-7 * abs(by_hand).max())
-    sub = own.modes(richer=True)
+    sub = own.modes(2 * np.pi * 2000.0, richer=True)
     motion = own.acting.T @ np.vstack(list(sub.motion.values()))
     of_modes = (motion / (sub.omega**2 - w**2)) @ motion.T
     np.testing.assert_allclose(of_modes, by_hand, rtol=0, atol=1e-7 * abs(by_hand).max())
@@ -174,6 +175,54 @@ def test_welded_bodies_respond_like_their_matrices_in_one(opened: Callable[..., 
         whole.append([x[seen[0]], x[seen[1]], x[seen[2]]])
     exact = np.array(whole)[:, :, None]
     assert np.linalg.norm(found - exact) <= 1e-3 * np.linalg.norm(exact)
+
+
+STRIPS = """\
+name: strips
+components:
+{strips}
+scene:
+  band: 60 Hz
+  joints:
+    one: {{connect: [s0.far, s1.near], free: [ry], stiffness: {{ry: 50}}}}
+    two: {{connect: [s1.far, s2.near], free: [ry], stiffness: {{ry: 50}}}}
+  actuators: {{t: {{at: s0.near, torque: [0, 1, 0]}}}}
+  sensors: {{g: {{at: s0.near, measure: ry}}}}
+reduce: {{method: scene}}
+"""
+STRIP = """\
+  s{k}:
+    stiffness: {{file: strip.op4, matrix: KAA}}
+    mass: {{file: strip.op4, matrix: MAA}}
+    geometry: strip.bdf
+    rows: strip.txt
+    damping: {{modal: 0.01}}
+    place: {{at: [{x}, 0, 0]}}
+    interfaces: {{near: {{nodes: {near}, tie: rigid}}, far: {{nodes: {far}, tie: rigid}}}}
+"""
+
+
+def test_soft_modes_of_a_chain_survive_the_stiff_shapes_of_thin_bodies(tmp_path: Path) -> None:
+    """Shapes far above the band took the digits of the hinges: sound strips had "a mechanism", or NaN."""
+    cells = (10, 2, 1)
+    strip = block("strip", (4.0, 0.2, 0.01), cells)
+    write_body(tmp_path, strip)
+    (tmp_path / "strip.txt").write_text("\n".join(strip.dofs.labels))
+    ends = {"near": face(cells, 0), "far": face(cells, cells[0])}
+    strips = "".join(STRIP.format(k=k, x=4 * k, **ends) for k in range(3))
+    path = tmp_path / "strips.yaml"
+    path.write_text(STRIPS.format(strips=strips))
+    run = Run(load_pipeline(path), tmp_path / "out", Silent())
+    (configuration,) = run.scene.configurations
+    assert run.comparison.error_at(configuration, run.untruncated) < 5e-4
+    # Rigid rods on hinges in a plane: heights of their four ends, and the angles in the hinges.
+    mass, each = 2700 * 4.0 * 0.2 * 0.01, 4.0
+    M, angles = np.zeros((4, 4)), np.array([[1.0, -2.0, 1.0, 0.0], [0.0, 1.0, -2.0, 1.0]]) / each
+    for k in range(3):
+        M[k : k + 2, k : k + 2] += mass / 6 * np.array([[2.0, 1.0], [1.0, 2.0]])
+    soft = np.sqrt(la.eigh(50 * angles.T @ angles, M, eigvals_only=True)[2:]) / (2 * np.pi)
+    found = run.untruncated.assembled.resonances(configuration).omega[:2] / (2 * np.pi)
+    np.testing.assert_allclose(found, soft, rtol=2e-3)
 
 
 def test_it_ends_in_fewer_scene_shapes_that_are_orthonormal(opened: Callable[..., Run]) -> None:

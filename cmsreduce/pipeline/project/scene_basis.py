@@ -171,7 +171,8 @@ class SceneBasis:
 
     def _model(self, *, richer: bool = False) -> AssembledModel:
         """The system of the shapes, or that of the shapes and their residuals."""
-        subs = {**self._others, **{name: body.modes(richer=richer) for name, body in self.bodies.items()}}
+        highest = 2 * np.pi * self.scene.band[1]
+        subs = {**self._others, **{name: each.modes(highest, richer=richer) for name, each in self.bodies.items()}}
         return AssembledModel({name: subs[name] for name in self._order}, self.scene)
 
     def _worst(self, less: AssembledModel, more: AssembledModel) -> _Estimate:
