@@ -92,6 +92,18 @@ def dense_roots(K: np.ndarray, M: np.ndarray, D: np.ndarray) -> np.ndarray:
     return s[np.argsort(abs(s))]
 
 
+def dense_peaks(K: np.ndarray, M: np.ndarray, D: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Size of each such root's part in the response, with that of its conjugate, at its natural frequency."""
+    n = len(K)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, D)]])
+    s, left, right = la.eig(A, left=True)
+    own = s.imag > 1e-2
+    s, left, right = s[own], left[:, own], right[:, own]
+    residue = (c @ right[:n]) * (left[n:].conj().T @ la.solve(M, b)) / np.sum(left.conj() * right, axis=0)
+    peaks = abs(residue / (1j * abs(s) - s) + residue.conj() / (1j * abs(s) - s.conj()))
+    return np.asarray(peaks[np.argsort(abs(s))])
+
+
 def test_wheels_and_rotors_against_dense_algebra(tmp_path: Path, dense: Dense) -> None:
     """Of a rigid hub, of a shaft by its matrix, of a node: nutation, whirl and responses at two angles."""
     path = study(tmp_path)
@@ -106,6 +118,9 @@ def test_wheels_and_rotors_against_dense_algebra(tmp_path: Path, dense: Dense) -
             assert found is not None
             # The companion matrix rounds the nutations, far below its largest root.
             np.testing.assert_allclose(found.s[:5], expected, rtol=rtol, atol=1e-6)
+            # Hardly anything damps these, and their peaks are rounding.
+            peaks = dense_peaks(K, M, D, b, c)[2:5]
+            np.testing.assert_allclose(found.peaks[2:5, -1, 0], peaks, rtol=1e-4 if rtol < 1e-6 else 2e-2)
         wanted = np.array([c @ np.linalg.solve(K + 1j * w * D - w**2 * M, b.astype(complex)) for w in omega])
         still = np.array([c @ np.linalg.solve(K + 0.5j * w * (D + D.T) - w**2 * M, b.astype(complex)) for w in omega])
         assert (abs(still - wanted) > 0.02 * abs(wanted)).any()

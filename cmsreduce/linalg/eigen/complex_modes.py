@@ -60,6 +60,8 @@ class ComplexModes:
         Roots -zeta w + i w sqrt(1 - zeta^2) in rad/s, by ascending w = |s|.
     X : (N, k) complex128
         Shapes, of unit length in M.
+    Y : (N, k) complex128
+        Left shapes, Y^T Z(s) = 0: those of symmetric matrices are X.
     real : (q,) float64
         Real roots of overdamped modes and of damped rigid motions, by ascending magnitude. For a large system only
         those as accurate as ``s``.
@@ -67,6 +69,7 @@ class ComplexModes:
 
     s: Complex
     X: Complex
+    Y: Complex
     real: Real
 
     @property
@@ -135,8 +138,8 @@ def complex_modes(
         start = PencilBasis(undamped[1] / undamped[0], 1 / undamped[0], damped_rigid, coupled_rigid)
         found = _settled(pencil, start, rigid, omega)
     oscillates = found.s.imag > 0
-    X = found.X[:, oscillates]
-    return ComplexModes(found.s[oscillates], X / np.sqrt(hermitian_energies(X, pencil.M)), found.s[~oscillates].real)
+    X, Y = (sides / np.sqrt(hermitian_energies(sides, pencil.M)) for sides in (found.X, found.Y))
+    return ComplexModes(found.s[oscillates], X[:, oscillates], Y[:, oscillates], found.s[~oscillates].real)
 
 
 def _damped_rigid(pencil: DampedPencil, rigid: Real) -> tuple[Real, Real]:

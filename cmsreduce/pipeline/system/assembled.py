@@ -159,7 +159,7 @@ class AssembledModel:
         system = self.system(configuration)
         highest = 2 * np.pi * self.scene.band[1] * _DAMPED_BANDS
         found = damped_modes(system, highest, self._modes(configuration))
-        return None if found is None else damped_modes_of(system, found.s, found.X)
+        return None if found is None else damped_modes_of(system, found)
 
     @_with_parameters
     def every_mode(

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.eigen import ComplexModes
 from cmsreduce.model import Matrix, System
 
 __all__ = ["DampedModes", "Number", "Resonances", "by_body", "damped_modes_of", "modal_weights"]
@@ -63,13 +64,13 @@ def by_body(system: System, X: NDArray[Number]) -> dict[str, NDArray[Number]]:
     return dict(zip(system.sizes, np.split(np.asarray(system.T @ X), ends[:-1]), strict=True))
 
 
-def damped_modes_of(system: System, s: NDArray[np.complex128], X: NDArray[np.complex128]) -> DampedModes:
-    """Complex modes of a system from its roots (k,) and shapes (N, k).
+def damped_modes_of(system: System, modes: ComplexModes) -> DampedModes:
+    """Complex modes of a system with their peaks and their shapes in the bodies.
 
-    The residue of a root s is x y^T / (y^T (2 s M + D) x), y the left shape: x, or its conjugate under gyroscopic
-    forces, which is exact without damping. The two residues of a nearly critical pair are large and cancel.
+    The residue of a root s is x y^T / (y^T (2 s M + D) x), y the left shape. The two residues of a nearly critical pair
+    are large and cancel.
     """
-    Y, w = X.conj() if system.gyroscopic else X, abs(s)
+    s, X, Y, w = modes.s, modes.X, modes.Y, modes.omega
     slope = 2 * s * (Y * np.asarray(system.M @ X)).sum(axis=0)
     if system.D is not None:
         slope = slope + (Y * np.asarray(system.D @ X)).sum(axis=0)

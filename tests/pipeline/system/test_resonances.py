@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cmsreduce.linalg.eigen import ComplexModes
 from cmsreduce.pipeline.system.resonances import damped_modes_of
 
 
@@ -22,9 +23,9 @@ def test_a_mode_without_damping_has_no_bound_where_it_is_seen_and_none_of_it_els
         C2=np.zeros((2, 3)),
         T=np.eye(3),
         sizes={"body": 3},
-        gyroscopic=False,
     )
     s = -zeta * omega + 1j * omega * np.sqrt(1 - zeta**2)
-    found = damped_modes_of(system, s, np.eye(3, dtype=complex))  # type: ignore[arg-type]
+    shapes = np.eye(3, dtype=complex)
+    found = damped_modes_of(system, ComplexModes(s, shapes, shapes, np.empty(0)))  # type: ignore[arg-type]
     expected = np.array([[np.inf, 0.0], [0.0, 1 / (2 * 0.01 * 25.0)], [0.0, 0.0]])
     np.testing.assert_allclose(found.peaks[:, :, 0], expected, rtol=1e-12)
