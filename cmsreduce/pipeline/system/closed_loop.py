@@ -97,14 +97,15 @@ def closed_loop(
         p, q = len(system.inputs), len(system.outputs)
         controller = Controller(np.empty((0, 0)), np.empty((0, q)), np.empty((p, 0)), np.zeros((p, q)))
     k, m, c = X.shape[1], slow.shape[1], controller.states
+    push, still, moving = (_without_rounding(A, X) for A in (system.B.T, system.C1, system.C2))
     stiffness = np.concatenate([np.zeros(system.rigid.shape[1]), w**2])
     D_xx, D_xn = X.T @ D @ X, X.T @ D @ slow
     # n' over (x, x', n, controller) and over u.
     n_z = np.hstack([np.zeros((m, k)), -D_xn.T, -np.eye(m), np.zeros((m, c))]) / d[:, None]
     n_u = (slow.T @ system.B) / d[:, None]
     v_z = np.hstack([-np.diag(stiffness), -D_xx, np.zeros((k, m + c))]) - D_xn @ n_z
-    v_u = X.T @ system.B - D_xn @ n_u
-    y_z = np.hstack([system.C1 @ X, system.C2 @ X, system.C1 @ slow, np.zeros((system.C1.shape[0], c))])
+    v_u = push.T - D_xn @ n_u
+    y_z = np.hstack([still, moving, system.C1 @ slow, np.zeros((system.C1.shape[0], c))])
     y_z, y_u = y_z + system.C2 @ slow @ n_z, (system.C1 @ quick) @ loads + system.C2 @ slow @ n_u
     states = np.hstack([np.zeros((controller.C.shape[0], 2 * k + m)), controller.C])
     loop = np.eye(states.shape[0]) + controller.D @ y_u
@@ -122,3 +123,13 @@ def closed_loop(
     )
     B = np.vstack([np.zeros((k, u_n.shape[1])), v_u @ u_n, n_u @ u_n, controller.B + controller.B @ y_u @ u_n])
     return ClosedLoop(A, B, y_z + y_u @ u_z, X, 2 * k + m)
+
+
+def _without_rounding(rows: Array, X: Array) -> Array:
+    """Products of rows and motions, zero where they are rounding.
+
+    A force between two bodies does not act on a rigid motion, nor does a sensor between them see it. A controller turns
+    the rounding e of either into a spring, and with it a double root at zero into a growing one, +- sqrt(e).
+    """
+    product, size = rows @ X, np.linalg.norm(rows, axis=1)[:, None] * np.linalg.norm(X, axis=0)
+    return np.asarray(np.where(abs(product) > _ROUND_OFF * size, product, 0.0))

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from cmsreduce.assemble import state_space
 from cmsreduce.cli import main
 from cmsreduce.pipeline import Run
+from cmsreduce.pipeline.system import system_roots
 
 CONTROLLER = """\
 # The rate of the hub in yaw drives the thruster, over a lag of second order.
@@ -76,6 +77,18 @@ def test_a_mode_above_the_band_that_the_controller_makes_unstable_fails_the_run(
     assert all(row["unstable_roots"] == 0 for row in facts["controller"])
     assert any(row["unstable_roots_full"] for row in facts["controller"])
     assert not any(row["proven"] for row in facts["controller"] if row["unstable_roots_full"])
+
+
+def test_a_motor_between_two_bodies_moves_no_free_system(study: Path, opened: Callable[..., Run]) -> None:
+    """It leaves centre of mass and angular momentum, whatever it follows: twelve roots at zero, none of which grows."""
+    (study.parent / "k.txt").write_text("D\n0 0 2\n0 0 0\n")
+    spring = "scene.joints.hinge.stiffness={ry: 300}"
+    run = opened(f"scene.controller={study.parent / 'k.txt'}", spring)
+    assert [(margin.unstable, margin.unstable_full) for margin in run.margins] == [(0, 0), (0, 0)]
+    # Of a sensor in the hinge, too.
+    run = opened(f"scene.controller={study.parent / 'k.txt'}", spring, "scene.sensors.probe={joint: hinge, dof: ry}")
+    found = system_roots(run.model.assembled, run.scene.configurations[0], run.controller)
+    assert found is not None and np.count_nonzero(abs(found.s) < 1e-12) == 12
 
 
 def test_the_ratio_of_one_channel_by_hand(controlled: Callable[..., Run]) -> None:
