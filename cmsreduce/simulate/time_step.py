@@ -22,8 +22,12 @@ Method = Literal["explicit", "implicit"]
 """``explicit``: Dormand and Prince's method of order 8; ``implicit``: Radau IIA of order 5."""
 
 # Error of a step relative to the state, of the size of the scene; the tolerance of modes is as much smaller as their
-# deflections may be.
+# deflections may be. Where all motions are smaller, their size takes its place.
 _ABSOLUTE = 1e-3
+# Relative to the scene, ten times what closes joints: a smaller motion is rest, a smaller error of a step rounding.
+_LEAST = 1e-12
+# Motions this much smaller than the tolerances expect are integrated again.
+_SMALLER = 0.1
 # Bisections for the longest step: digits of a double.
 _HALVINGS = 50
 # Share of the largest energy that may appear or vanish, in units of the accuracy: errors of many steps add up.
@@ -127,7 +131,30 @@ def integrate(
     -----
     Explicit: order 8 with error estimates of orders 5 and 3 (Hairer, Norsett and Wanner I, II.5; scipy's DOP853). The
     step is at most ``longest_step`` over the highest frequency at the start, and shorter where the estimate asks.
+    Implicit: Radau IIA (Hairer and Wanner II, IV.8). Motions far smaller than the scene are integrated again, with
+    tolerances of their size.
     """
+    scales, size = _tolerances(system, float(times[-1] - times[0])), _ABSOLUTE
+    while True:
+        found = _integrated(system, start, times, accuracy, max(accuracy * size, _LEAST) * scales, step, method)
+        moved = float((abs(found.y - start) / scales).max())
+        if method == "explicit" or not _LEAST < moved < _SMALLER * size:
+            break
+        size = moved
+    _refuse_imbalance(system, found, accuracy, method)
+    return found
+
+
+def _integrated(
+    system: MultibodySystem,
+    start: Array,
+    times: Array,
+    accuracy: float,
+    atol: Array,
+    step: float | None,
+    method: Method,
+) -> States:
+    """Integrate once, with a tolerance (n,) of every part of the state."""
     # To load integrators takes longer than most commands that do not need them.
     from scipy.integrate import DOP853, Radau
 
@@ -135,11 +162,7 @@ def integrate(
     highest = float(np.sqrt(max(squares.max(initial=0.0), 0.0)))
     span = float(times[-1] - times[0])
     limit = longest_step(accuracy) / highest if highest > 0 and method == "explicit" else span
-    options: dict[str, Any] = {
-        "rtol": accuracy,
-        "atol": _ABSOLUTE * accuracy * _tolerances(system, span),
-        "max_step": min(limit, span),
-    }
+    options: dict[str, Any] = {"rtol": accuracy, "atol": atol, "max_step": min(limit, span)}
     if step is not None:
         # An estimate that never refuses leaves the step at its limit.
         options = {"rtol": 1e300, "atol": 1e300, "max_step": step, "first_step": min(step, span)}
@@ -170,9 +193,7 @@ def integrate(
             if target in returned:
                 kept.append(solver.y)
     elapsed = time.perf_counter() - began
-    found = States(times, np.array(kept), steps, sizes[1], sizes[0], elapsed, highest, kinetic)
-    _refuse_imbalance(system, found, accuracy, method)
-    return found
+    return States(times, np.array(kept), steps, sizes[1], sizes[0], elapsed, highest, kinetic)
 
 
 def _stops(system: MultibodySystem, times: Array) -> list[float]:

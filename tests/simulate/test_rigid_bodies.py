@@ -193,6 +193,16 @@ def test_a_short_effort_after_a_long_rest_acts(tmp_path: Path, method: Method, l
     assert motion.time.tolist() == [0.0, 10.0]
 
 
+@pytest.mark.parametrize("rate", [1.0, 1e-8])
+def test_a_small_oscillation_is_as_accurate_as_a_large_one(tmp_path: Path, rate: float) -> None:
+    """Two bodies on a spring turn against each other by rate sin(w t) / w, here over two periods and an eighth."""
+    spring = joint("pin", "bus.hinge", "wing.hinge", elements=(JointElement(5, stiffness=90.0),))
+    scene = hinged([brick("bus", (5, 6, 7)), brick("wing", (1, 1, 2))], [spring], tmp_path)
+    w = np.sqrt(90.0 * (1 / 7 + 1 / 2))
+    motion = simulate(scene, 4.25 * np.pi / w, points=2, rates={"pin.rz": rate}, method="implicit", accuracy=1e-6)
+    np.testing.assert_allclose(motion.joints["pin.rz"] * w / rate, np.sin(w * motion.time), rtol=0, atol=1e-3)
+
+
 def test_a_pulse_and_a_ball(tmp_path: Path) -> None:
     """A push off the centre of a body on a ball joint: impulse over inertia, about the two axes across it."""
     faces = {"hinge": (0.0, 0.0, 0.0), "tip": (0.0, 0.0, 1.0)}
