@@ -6,11 +6,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import check_included, read_text
 from cmsreduce.read.printed_numbers import whole_number
 
-__all__ = ["Block", "DeckSets", "blocks", "deck_sets", "element_nodes", "longest_start", "preload_step"]
+__all__ = [
+    "Block",
+    "DeckSets",
+    "blocks",
+    "deck_sets",
+    "element_nodes",
+    "element_sections",
+    "longest_start",
+    "preload_step",
+]
 
 # Ids of one line of a set: a damaged number would fill the memory.
 _LONGEST_RANGE = 10**7
@@ -180,6 +192,36 @@ def _members(block: Block, known: Mapping[str, dict[int, None]]) -> Iterator[int
         for text in items:
             number = whole_number(text)
             yield from known.get(text, ()) if number is None else (number,)
+
+
+def element_sections(
+    deck: Sequence[Block], sets: DeckSets, keyword: str
+) -> tuple[list[Block], NDArray[np.int64], NDArray[np.int64]]:
+    """Sections of elements.
+
+    Parameters
+    ----------
+    deck : sequence of Block
+        The deck.
+    sets : DeckSets
+        Its sets.
+    keyword : str
+        Of the sections, such as SOLID SECTION.
+
+    Returns
+    -------
+    sections : list of Block
+        Those of this keyword.
+    element, section : (e,) int64
+        Elements of their sets in order of their numbers, and the position of the section of each; an element of
+        several sections is there several times.
+    """
+    sections = [block for block in deck if block.keyword == keyword]
+    members = [sets.elements.get(section.option("ELSET"), ()) for section in sections]
+    element = np.array([number for each in members for number in each], dtype=np.int64)
+    section = np.repeat(np.arange(len(sections)), [len(each) for each in members])
+    order = np.argsort(element, kind="stable")
+    return sections, element[order], section[order]
 
 
 def longest_start(code: str, names: Mapping[str, object]) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
-from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, longest_start
+from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, element_sections, longest_start
 from cmsreduce.read.calculix_abaqus.expansion import expansion_beside, solid_of_shell
 from cmsreduce.read.isoparametric import RULES, SOLIDS, Rule, Solid, are_affine, integrals, slope_integrals
 from cmsreduce.read.stated import (
@@ -302,6 +302,8 @@ def _elements(deck: Sequence[Block], path: Path) -> tuple[list[_Elements], list[
     sets = deck_sets(deck, counts)
     expansion = expansion_beside(path)
     expanded = {} if expansion is None else {each.number: each for each in expansion.elements}
+    keywords = ("MASS", "SHELL SECTION", "SOLID SECTION")
+    of_keyword = {keyword: element_sections(deck, sets, keyword) for keyword in keywords}
     groups: dict[tuple[str, bool, bool, str], list[Ids]] = {}
     points: list[tuple[int, float]] = []
     for block in deck:
@@ -311,17 +313,15 @@ def _elements(deck: Sequence[Block], path: Path) -> tuple[list[_Elements], list[
         if not (kind := longest_start(label, counts)) or "INPUT" in block.options:
             raise NotCountedError
         number, nodes = _topology(block, counts[kind])
-        owner, times = np.full(number.size, -1), np.zeros(number.size, dtype=np.int64)
-        section_of = "MASS" if kind == "MASS" else "SHELL SECTION" if kind in _SHELLS else "SOLID SECTION"
-        sections = [each for each in deck if each.keyword == section_of]
         if kind in _SHELLS:
             nodes = np.array([solid_of_shell(expanded.get(int(each)), kind) for each in number], dtype=np.int64)
-        for k, section in enumerate(sections):
-            own = np.isin(number, sets.elements.get(section.option("ELSET"), ()))
-            owner[own], times = k, times + own
+        keyword = "MASS" if kind == "MASS" else "SHELL SECTION" if kind in _SHELLS else "SOLID SECTION"
+        sections, members, section_of = of_keyword[keyword]
+        first = np.searchsorted(members, number)
         # Sets of a part and of its assembly may have one name.
-        if (times != 1).any():
+        if (np.searchsorted(members, number, side="right") - first != 1).any():
             raise NotCountedError
+        owner = section_of[first]
         for k in np.unique(owner):
             own, section = nodes[owner == k], sections[k]
             if {"COMPOSITE", "NODAL THICKNESS"} & set(section.options) or (

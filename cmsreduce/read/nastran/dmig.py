@@ -51,6 +51,8 @@ class _Dmig:
         All DMIG cards of the file.
     columns : (c,) int64
         Those of the columns of this matrix.
+    node, component : (c,) int64
+        Fields of each of these columns.
     fields : (m, width) uint8
         Fields of all cards, as of `CardTable.all_fields`.
     entry : (k,) int64
@@ -64,6 +66,8 @@ class _Dmig:
     type: int
     cards: CardTable
     columns: Ints
+    node: Ints
+    component: Ints
     fields: Fields
     entry: Ints
     counts: Ints
@@ -136,19 +140,21 @@ def _dmig_matrices(path: Path) -> list[StoredMatrix]:
     _check_end(path, cards, is_header)
     fields, start = cards.all_fields()
     counts = _entries_of_cards(fields, start)
+    node, component = cards.integers(1), cards.integers(2, 0)
+    ordered = np.flatnonzero(~is_header)
+    ordered = ordered[np.argsort(which[ordered], kind="stable")]
+    ends = np.searchsorted(which[ordered], np.arange(1, len(names)))
+    of_name = dict(zip(names, np.split(ordered, ends), strict=True))
     found = []
     for name, (form, kind, _) in headers.items():
-        columns = np.flatnonzero((which == names.index(name)) & ~is_header)
+        columns = of_name[name]
         count = counts[columns]
         within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         entry = np.repeat(start[columns] + _FIRST, count) + _GROUP * within
-        found.append(_Dmig(name, form, kind, cards, columns, fields, entry, count))
-    return [
-        StoredMatrix(
-            dmig.name, TYPES[dmig.type], DMIG_FORMS[dmig.form], partial(_size, dmig), partial(_assemble, dmig, path)
-        )
-        for dmig in found
-    ]
+        dmig = _Dmig(name, form, kind, cards, columns, node[columns], component[columns], fields, entry, count)
+        size, load = partial(_size, dmig), partial(_assemble, dmig, path)
+        found.append(StoredMatrix(name, TYPES[kind], DMIG_FORMS[form], size, load))
+    return found
 
 
 def _first_of_each(which: Ints) -> NDArray[np.bool_]:
@@ -204,12 +210,11 @@ def _size(dmig: _Dmig) -> tuple[int, int, int | None]:
 
 def _labels(dmig: _Dmig) -> tuple[Ints, Ints, Ints, Ints]:
     """Keys (``KEY_STEP``) of the row and of the column of each entry, and sorted keys of all rows and columns."""
-    column, of_column = dmig.cards.integers(1)[dmig.columns], dmig.cards.integers(2, 0)[dmig.columns]
-    wrong = np.flatnonzero((of_column < 0) | (of_column > 6))
+    wrong = np.flatnonzero((dmig.component < 0) | (dmig.component > 6))
     if wrong.size:
         at = wrong[0]
-        card = dmig.cards[int(dmig.columns[at])]
-        raise ReadError(f"{card.where}: component {of_column[at]} of column {column[at]} of '{dmig.name}' is not 0..6")
+        where, column = dmig.cards[int(dmig.columns[at])].where, dmig.node[at]
+        raise ReadError(f"{where}: component {dmig.component[at]} of column {column} of '{dmig.name}' is not 0..6")
     needed = "a node id and a component"
     node = dmig.integers(0, None, needed)
     component = dmig.integers(1, 0, needed)
@@ -217,7 +222,7 @@ def _labels(dmig: _Dmig) -> tuple[Ints, Ints, Ints, Ints]:
     if wrong.size:
         at = int(wrong[0])
         raise ReadError(f"{dmig.card(at).where}: component {component[at]} of node {node[at]} is not 0..6")
-    row, keys = _of_points(node * KEY_STEP + component, column * KEY_STEP + of_column)
+    row, keys = _of_points(node * KEY_STEP + component, dmig.node * KEY_STEP + dmig.component)
     rows, cols = np.unique(row), np.unique(keys)
     if dmig.form in (1, 6):
         # A square matrix has the same dofs as rows and as columns.

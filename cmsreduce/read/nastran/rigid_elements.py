@@ -194,15 +194,15 @@ def _resolved(path: Path, equations: Sequence[Equation]) -> Recovery:
     where = (np.concatenate(rows), np.concatenate(columns))
     all_on = sp.csr_array((np.concatenate(values), where), shape=(follows.size, follows.size + leads.size))
     on_followers, on_leads = all_on[:, : follows.size], all_on[:, follows.size :]
-    # A chain of d dofs ends after d links at most; each pass takes one more.
-    T = step = on_leads
-    for _ in range(follows.size):
-        step = on_followers @ step
-        step.eliminate_zeros()
-        if not step.nnz:
+    # A chain of d dofs ends after d links at most; each pass takes as many as all before it together.
+    T, links = on_leads, on_followers
+    for _ in range(follows.size.bit_length()):
+        T = T + links @ T
+        links = links @ links
+        links.eliminate_zeros()
+        if not links.nnz:
             break
-        T = T + step
-    if step.nnz:
+    if links.nnz:
         raise ReadError(f"{path}: its rigid elements and constraints make dofs follow themselves")
     return Recovery(DofTable.from_keys(follows), DofTable.from_keys(leads), sp.csr_array(T))
 

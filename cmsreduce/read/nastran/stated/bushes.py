@@ -31,12 +31,13 @@ def stated_bushes(elements: Elements) -> tuple[list[tuple[Array, Indices]], list
     others: list[Indices] = []
     rates = {card.integer(0): _rates(card) for card in elements.cards.get("PBUSH", ())}
     nodes, varied = elements.nodes, {card.integer(0) for card in elements.cards.get("PBUSHT", ())}
+    same = SAME_PLACE * float(np.ptp(nodes.xyz, axis=0).max(initial=0.0))
     for card in elements.cards.get("CBUSH", ()):
         number = card.integer(1, card.integer(0))
         ids = [card.integer(k, 0) for k in _ENDS if card.integer(k, 0)]
         at = nodes.index(ids)
         rate = None if number in varied else rates.get(number)
-        made = None if rate is None or (at < 0).any() else _stiffness(card, at, rate, elements)
+        made = None if rate is None or (at < 0).any() else _stiffness(card, at, rate, elements, same)
         if made is None:
             others.append(at[at >= 0])
         else:
@@ -56,11 +57,14 @@ def _rates(card: Card) -> Array | None:
     return rates
 
 
-def _stiffness(card: Card, at: Indices, rate: Array, elements: Elements) -> Array | None:
-    """Stiffness (12, 12), or (6, 6) to the ground, along basic axes; None if its axes or its place are not read."""
-    nodes, places = elements.nodes, elements.nodes.xyz[at]
+def _stiffness(card: Card, at: Indices, rate: Array, elements: Elements, same: float) -> Array | None:
+    """Stiffness (12, 12), or (6, 6) to the ground, along basic axes; None if its axes or its place are not read.
+
+    Points no farther apart than ``same`` are at one place.
+    """
+    places = elements.nodes.xyz[at]
     apart = places[-1] - places[0]
-    together = np.linalg.norm(apart) <= SAME_PLACE * np.ptp(nodes.xyz, axis=0).max()
+    together = np.linalg.norm(apart) <= same
     if card.text(_PLACE) not in ("", "-1"):
         return None
     try:

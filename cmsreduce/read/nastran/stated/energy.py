@@ -237,12 +237,12 @@ def _bending(bars: list[Bar], E: Array, G: Array, length: Array) -> tuple[Array,
 
 def _without_energy(cards: Cards, name: str, nodes: Nodes, moving: NDArray[np.bool_]) -> bool:
     """True if all springs of a kind join points at one place that a uniform strain moves."""
+    same = SAME_PLACE * float(np.ptp(nodes.xyz, axis=0).max(initial=0.0))
     for card in cards.get(name, ()):
         ids = [card.integer(k, 0) for k in _SPRINGS[name]]
         at = nodes.index(ids)
-        size = float(np.ptp(nodes.xyz, axis=0).max())
         if (at < 0).any() or not moving[at].all():
             return False
-        if np.linalg.norm(nodes.xyz[at[0]] - nodes.xyz[at[1]]) > SAME_PLACE * size:
+        if np.linalg.norm(nodes.xyz[at[0]] - nodes.xyz[at[1]]) > same:
             return False
     return True

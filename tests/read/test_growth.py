@@ -1,0 +1,62 @@
+"""Files of many small parts: the time to read them grows as their number, not as its square."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from cmsreduce.read import deck_statement, matrix_names, read_followers, read_geometry
+from tests.golden.calculix_bodies import Deck
+
+
+def test_a_punch_file_of_many_matrices(tmp_path: Path) -> None:
+    path, count = tmp_path / "many.pch", 4000
+    path.write_text("".join(f"DMIG,M{k},0,6,2,0\nDMIG,M{k},1,1,,1,1,{k}.\n" for k in range(count)))
+    started = time.process_time()
+    assert [(info.name, info.rows) for info in matrix_names(path)] == [(f"M{k}", 1) for k in range(count)]
+    assert time.process_time() - started < 4.0
+
+
+def test_a_chain_of_constraints(tmp_path: Path) -> None:
+    """Each dof follows the one before it, by four shares in turn whose product is one."""
+    path, count = tmp_path / "body.bdf", 9000
+    shares = (2.0, -1.0, -0.5, 1.0)
+    cards = ["CEND", "MPC = 1", "BEGIN BULK", *(f"GRID,{k + 1},,{k}.,0.,0." for k in range(count))]
+    cards += [f"MPC,1,{k + 1},1,1.,{k},1,{-shares[k % 4]}" for k in range(1, count)]
+    path.write_text("\n".join(cards) + "\n")
+    nodes = read_geometry(path).nodes
+    started = time.process_time()
+    found = read_followers(path, nodes)
+    assert time.process_time() - started < 1.6
+    np.testing.assert_array_equal(found.T.toarray().ravel(), np.cumprod([shares[k % 4] for k in range(1, count)]))
+
+
+def test_a_mesh_with_a_section_for_each_element(tmp_path: Path) -> None:
+    """Bricks of one cubic metre and 2 kg."""
+    path, count = tmp_path / "mesh.inp", 1000
+    deck = Deck().solid("C3D8", (count, 1, 1), (count, 1.0, 1.0))
+    deck.keywords = "*MATERIAL, NAME=HEAVY\n*DENSITY\n2.0\n"
+    deck.keywords += "".join(
+        f"*ELSET, ELSET=E{k}\n{k}\n*SOLID SECTION, ELSET=E{k}, MATERIAL=HEAVY\n" for k in range(1, count + 1)
+    )
+    path.write_text(deck.text().replace("ELSET=EC, MATERIAL", "ELSET=NONE, MATERIAL"))
+    nodes = read_geometry(path).nodes
+    started = time.process_time()
+    mass, _ = deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
+    assert time.process_time() - started < 2.0
+    assert mass is not None
+    np.testing.assert_allclose(mass.mass, 2.0 * count)
+
+
+def test_a_deck_of_many_bushes(tmp_path: Path) -> None:
+    path, count = tmp_path / "body.bdf", 2500
+    cards = ["BEGIN BULK", "PBUSH,1,K,1.,1.,1.,1.,1.,1.", "MAT1,1,2.+11,,.3,7850."]
+    cards += [f"GRID,{k + 1},,{k}.,0.,0." for k in range(8 * count)]
+    cards += [f"CBUSH,{k + 1},1,{8 * k + 1},{8 * k + 2},,,,0" for k in range(count)]
+    path.write_text("\n".join(cards) + "\n")
+    nodes = read_geometry(path).nodes
+    started = time.process_time()
+    deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
+    assert time.process_time() - started < 1.6
