@@ -35,6 +35,7 @@ from cmsreduce.config.keys import (
     check_name,
     json_schema,
     key_names,
+    parse_decibels,
     parse_ratio,
     place_in,
 )
@@ -82,6 +83,7 @@ __all__ = [
     "load_pipeline",
     "naming_the_line",
     "parse",
+    "parse_decibels",
     "parse_ratio",
     "place_in",
     "pipeline_from_keys",

@@ -196,6 +196,7 @@ def test_a_sound_file_of_another_body_or_run_is_refused(copied: Path, change, sa
 
 def test_a_limit_in_per_cent(finished: Path) -> None:
     assert "(limit 0.05)" in line_of(call("check", finished, "--max", "frf_error=5 %"), "frf_error")
+    assert "(limit 0.5)" in line_of(call("check", finished, "--max", "db_error=0.5 dB"), "db_error")
 
 
 def test_a_tolerance_lets_a_change_pass(finished: Path, copied: Path) -> None:

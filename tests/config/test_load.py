@@ -151,6 +151,17 @@ def test_errors_to_meet_are_written_as_limits_are(galileo, key):
         load_pipeline(galileo, [f"{key.rpartition('.')[0]}={{{key.rpartition('.')[2]}: 2}}"])
 
 
+@pytest.mark.parametrize("written", ["0.5 dB", "0.5dB", "5e-1 db", "0.5"])
+def test_decibels_may_have_their_unit(galileo, written):
+    assert load_pipeline(galileo, [f"verify.limits.db_error={written}"]).verify.limits.db_error == 0.5
+
+
+@pytest.mark.parametrize("written", ["0 dB", "-1 dB", "0.5 Hz", "dB"])
+def test_other_decibels_are_refused(galileo, written):
+    with pytest.raises(ConfigError, match="db_error"):
+        load_pipeline(galileo, [f"verify.limits.db_error={written}"])
+
+
 def test_a_stage_that_is_absent_is_not_run(tmp_path):
     (tmp_path / "p.yaml").write_text("name: p\ncomponents: {a: {extseout: a}}\nscene: {band: 1 kHz}\n")
     pipeline = load_pipeline(tmp_path / "p.yaml")

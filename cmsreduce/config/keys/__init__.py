@@ -11,7 +11,7 @@ from cmsreduce.config.keys.files import MatrixFile
 from cmsreduce.config.keys.interface import InterfaceKeys
 from cmsreduce.config.keys.joints import Articulation
 from cmsreduce.config.keys.keep import KeepKeys
-from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point, place_in
+from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_decibels, parse_point, place_in
 from cmsreduce.config.keys.parameters import ParameterKeys, ParameterMatrix, parse_value
 from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema, key_names
 from cmsreduce.config.keys.project import ProjectKeys
@@ -66,6 +66,7 @@ __all__ = [
     "figure_powers",
     "json_schema",
     "key_names",
+    "parse_decibels",
     "parse_point",
     "parse_ratio",
     "place_in",

@@ -34,6 +34,7 @@ from cmsreduce.model import DOF_NAMES, Point, Units, dof_index
 __all__ = [
     "Count",
     "DataPath",
+    "Decibels",
     "DofNames",
     "Flag",
     "Frequency",
@@ -55,6 +56,7 @@ __all__ = [
     "check_name",
     "WrittenItems",
     "exactly_one",
+    "parse_decibels",
     "parse_point",
     "place_in",
     "refused",
@@ -64,6 +66,7 @@ __all__ = [
 _T = TypeVar("_T")
 _LONGEST_ID = 15  # digits of a node: ids become keys of dofs in 64-bit integers
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
+_DECIBELS = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*dB\s*", re.IGNORECASE)
 
 
 class Keys(BaseModel):
@@ -245,6 +248,18 @@ def _check_units(text: str) -> str:
     return Units.parse(text).name
 
 
+def parse_decibels(value: object) -> object:
+    """Read a number of decibels; anything but a text that ends in ``dB`` is returned as it is.
+
+    Examples
+    --------
+    >>> parse_decibels("0.5 dB"), parse_decibels(0.5), parse_decibels("5 Hz")
+    (0.5, 0.5, '5 Hz')
+    """
+    form = _DECIBELS.fullmatch(value) if isinstance(value, str) else None
+    return value if form is None else float(form[1])
+
+
 _QUANTITY_SCHEMA = {"anyOf": [{"type": "number"}, {"type": "string"}]}
 _DOFS_SCHEMA = {
     "anyOf": [{"type": "string"}, {"type": "integer"}, {"type": "array", "items": {"type": ["string", "integer"]}}]
@@ -284,6 +299,8 @@ Ratio = Annotated[float, Strict(), BeforeValidator(reported(parse_ratio)), WithJ
 """Ratio of damping: a fraction below one, or per cent with their sign."""
 RelativeError = Annotated[Ratio, Field(gt=0)]
 """Relative error above zero: a fraction below one, or per cent with their sign."""
+Decibels = Annotated[Positive, BeforeValidator(parse_decibels), WithJsonSchema(_QUANTITY_SCHEMA)]
+"""Decibels above zero, with or without their unit."""
 Written = Annotated[
     Quantity,
     BeforeValidator(reported(parse_quantity)),

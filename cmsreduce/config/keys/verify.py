@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict
 
 from cmsreduce.config.keys.balance import RankingKeys
-from cmsreduce.config.keys.mapping import Flag, Frequency, Keys, Plain, Positive, RelativeError
+from cmsreduce.config.keys.mapping import Decibels, Flag, Frequency, Keys, Plain, Positive, RelativeError
 from cmsreduce.config.keys.reduce import ModeSetKeys
 from cmsreduce.model import CHECK_OF, CheckName, Integrator
 
@@ -51,7 +51,7 @@ class LimitKeys(Keys):
         description="Relative error of the elastic response of the worst channel; frf_error is that of all together.",
         examples=[0.1],
     )
-    db_error: Positive | None = Field(
+    db_error: Decibels | None = Field(
         default=None, description="99th percentile of the error in the band, in dB.", examples=[1.0]
     )
     frequency_error: RelativeError | None = Field(

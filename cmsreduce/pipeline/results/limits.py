@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
-from cmsreduce.config import RELATIVE_ERRORS, Entry, parse, parse_ratio
+from cmsreduce.config import RELATIVE_ERRORS, Entry, parse, parse_decibels, parse_ratio
 from cmsreduce.errors import ConfigError, ReadError, UnitsError, closest, not_among, refuse_device
 from cmsreduce.model import Finding
 
@@ -167,7 +167,9 @@ def _pair(text: str) -> tuple[str, float | str]:
 
 
 def _maximum(name: str, value: object, where: str, wanted: str) -> float:
-    """Limit as a number: of a relative error a fraction, or per cent with their sign."""
+    """Limit as a number: of a relative error a fraction, or per cent with their sign; decibels may have their unit."""
+    if name.rpartition(".")[2] == "db_error":
+        value = parse_decibels(value)
     if name.rpartition(".")[2] in RELATIVE_ERRORS:
         try:
             value = parse_ratio(value)
