@@ -1,5 +1,6 @@
 """All exceptions of the package, and words for unknown names. A message gives fault, place, size and remedy."""
 
+import os
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -26,6 +27,7 @@ __all__ = [
     "not_among",
     "optional_library",
     "refuse_device",
+    "refuse_unreadable",
 ]
 
 # At a lower similarity, unrelated words are suggested.
@@ -163,3 +165,15 @@ def refuse_device(path: Path) -> None:
     """
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise ReadError(f"{path}: is a device or a pipe, not a file; write its content to a file")
+
+
+def refuse_unreadable(path: Path) -> None:
+    """Refuse a file that this user may not read; to libraries and by its marks it looks damaged or foreign.
+
+    Raises
+    ------
+    ReadError
+        If it is one.
+    """
+    if path.exists() and not os.access(path, os.R_OK):
+        raise ReadError(f"{path}: you have no permission to read this file; ask its owner for it (chmod +r)")

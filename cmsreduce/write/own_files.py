@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from cmsreduce.errors import WriteError
+from cmsreduce.errors import WriteError, refuse_unreadable
 from cmsreduce.write.files import atomic_path
 
 __all__ = ["LOG_MARK", "is_result", "record_outputs", "refuse_foreign", "refuse_shared_names"]
@@ -44,6 +44,8 @@ def refuse_foreign(outputs: Iterable[Path], inputs: Sequence[Path] = ()) -> None
     ------
     WriteError
         For the first file that is foreign or an input.
+    ReadError
+        For a file that cannot be read, and may be either.
     """
     given = {path.resolve() for path in inputs if path.exists()}
     for path in outputs:
@@ -51,6 +53,7 @@ def refuse_foreign(outputs: Iterable[Path], inputs: Sequence[Path] = ()) -> None
             continue
         if path.resolve() in given:
             raise WriteError(f"{path}: this file is read by the run and would be replaced by its result; {_REMEDY}")
+        refuse_unreadable(path)
         if not _is_own(path):
             raise WriteError(f"{path}: a file of this name is there that cmsreduce did not write; {_REMEDY}")
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import ReadError, refuse_unreadable
 from cmsreduce.model import hdf5_items
 from cmsreduce.write.files import put_texts
 
@@ -83,10 +83,11 @@ def verify_seal(path: Path) -> bool:
     Raises
     ------
     ReadError
-        If the file is damaged, or its content was changed; the message names what differs.
+        If the file cannot be read or is damaged, or its content was changed; the message names what differs.
     """
     import h5py
 
+    refuse_unreadable(path)
     try:
         with h5py.File(path, "r") as file:
             items = hdf5_items(file, path.stat().st_size)

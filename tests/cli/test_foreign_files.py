@@ -32,6 +32,16 @@ def test_a_foreign_file_is_not_replaced(study: Path, name: str) -> None:
     assert not (out / "stages").exists(), "refused before anything is computed"
 
 
+def test_a_result_that_may_not_be_read_is_said_to_be_so(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was called damaged, or a file of another program."""
+    assert call("run", study, "--quiet").exit_code == 0
+    path = study.parent / "out" / "arm.h5"
+    monkeypatch.setattr("os.access", lambda name, mode: Path(name) != path)
+    for command in (("run", study, "--quiet"), ("check", path.parent)):
+        found = call(*command)
+        assert found.exit_code == 2 and f"{path}: you have no permission to read" in found.stderr
+
+
 def test_a_run_replaces_its_own_files(study: Path) -> None:
     for _ in range(2):
         assert call("run", study, "--quiet", "--set", "write.formats=[hdf5, sid]").exit_code == 0

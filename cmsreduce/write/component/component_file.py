@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import ReadError, WriteError
+from cmsreduce.errors import ReadError, WriteError, refuse_unreadable
 from cmsreduce.model import Finding, ParameterTerm, Units, Values, hdf5_items, parameter_label
 from cmsreduce.write.component.layout import LETTERS, fault, not_finite
 from cmsreduce.write.seal import SEAL, SEALED_ITEMS, broken_seal, content_digests
@@ -157,6 +157,7 @@ def read_component(path: Path | str) -> ComponentFile:
     path = Path(path)
     if not path.is_file():
         raise ReadError(f"{path}: there is no such file; a run leaves NAME.h5 of each body in its output folder")
+    refuse_unreadable(path)
     arrays: dict[str, NDArray[Any]] = {}
     texts: dict[str, tuple[str, ...]] = {}
     try:
