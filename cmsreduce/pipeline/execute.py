@@ -129,7 +129,9 @@ def execute(
         written = [record_outputs(run.folder, outputs), run.folder / "summary.json"]
         result = _results(run, source, overrides, report=report)
         # A stage that is gone is made again; a result is not.
-        _refuse_lost(run.folder, [*written, *(path for path in run.stages.written if path in outputs)])
+        results = [path for path in run.stages.written if path in outputs]
+        _refuse_lost(run.folder, [*written, *results])
+        record_outputs(run.folder, outputs, results)
         return result
 
 

@@ -14,7 +14,7 @@ from cmsreduce.write.component import (
 )
 from cmsreduce.write.export import EXPORTS, export_scene
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
-from cmsreduce.write.own_files import LOG_MARK, record_outputs, refuse_foreign, refuse_shared_names
+from cmsreduce.write.own_files import LOG_MARK, record_outputs, refuse_changed, refuse_foreign, refuse_shared_names
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import read_summary, summary, write_summary, write_sweep_csv, write_sweep_table
 from cmsreduce.write.system import write_system
@@ -67,6 +67,7 @@ __all__ = [
     "read_summary",
     "read_system",
     "record_outputs",
+    "refuse_changed",
     "refuse_foreign",
     "refuse_other_file",
     "refuse_shared_names",

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from cmsreduce.errors import WriteError, refuse_unreadable
+from cmsreduce.errors import ReadError, WriteError, refuse_unreadable
 from cmsreduce.write.files import atomic_path
 
-__all__ = ["LOG_MARK", "is_result", "record_outputs", "refuse_foreign", "refuse_shared_names"]
+__all__ = ["LOG_MARK", "is_result", "record_outputs", "refuse_changed", "refuse_foreign", "refuse_shared_names"]
 
 LOG_MARK = "log of cmsreduce: tracebacks of what failed alone\n"
 """First line of the log of failures."""
@@ -22,7 +23,7 @@ _PAGE_HEAD = 1 << 20
 _RUN_FOLDERS = ("stages", "points")
 # A pipeline may be JSON, too, and has the first two.
 _SUMMARY_KEYS = {"name", "components", "configurations", "worst"}
-# List of the files that runs wrote into a folder.
+# The files that runs wrote into a folder; those of the last run that have no seal, with their digests.
 _RECORD = f"{_RUN_FOLDERS[0]}/written.json"
 _REMEDY = "choose another `output:` (or --out), or move the file away"
 
@@ -80,8 +81,17 @@ def refuse_shared_names(outputs: Sequence[Path]) -> None:
         )
 
 
-def record_outputs(folder: Path, outputs: Iterable[Path]) -> Path:
-    """Add files that a run is about to write to the record of its folder, by which the next run knows them.
+def record_outputs(folder: Path, outputs: Iterable[Path], written: Iterable[Path] = ()) -> Path:
+    """Add files of a run to the record of its folder, by which the next run knows them.
+
+    Parameters
+    ----------
+    folder : Path
+        Run directory.
+    outputs : iterable of Path
+        Files that the run is about to write, or has written.
+    written : iterable of Path
+        Those of them that are complete; `refuse_changed` looks at files of other programs, which have no seal.
 
     Returns
     -------
@@ -93,22 +103,59 @@ def record_outputs(folder: Path, outputs: Iterable[Path]) -> Path:
     WriteError
         If the record cannot be written.
     """
-    names = {path.relative_to(folder).as_posix() for path in outputs} | (_recorded(folder) or set())
+    found: dict[str, str] = dict.fromkeys(
+        [*(_recorded(folder) or {}), *(_within(folder, path) for path in outputs)], ""
+    )
+    found |= {_within(folder, path): _digest(path) for path in written if path.is_file() and not is_result(path)}
     record = folder / _RECORD
     with atomic_path(record) as temporary:
-        temporary.write_text(json.dumps(sorted(names), indent=1), encoding="utf-8")
+        temporary.write_text(json.dumps(found, indent=1, sort_keys=True), encoding="utf-8")
     return record
 
 
-def _recorded(folder: Path) -> set[str] | None:
-    """Files of a folder that runs wrote; None where earlier versions, which kept no record, made it."""
+def refuse_changed(folder: Path) -> None:
+    """Refuse a run directory in which a file of another program is not as its last run wrote it.
+
+    Raises
+    ------
+    ReadError
+        For the first file that is gone, changed or damaged.
+    """
+    for name, digest in (_recorded(folder) or {}).items():
+        if not digest:
+            continue
+        if not (path := folder / name).is_file():
+            raise ReadError(f"{path}: the run wrote this file, and it is gone; write it again with `cmsreduce run`")
+        refuse_unreadable(path)
+        if _digest(path) != digest:
+            raise ReadError(
+                f"{path}: the file is damaged, or was changed after the run wrote it; write it again with "
+                "`cmsreduce run`"
+            )
+
+
+def _within(folder: Path, path: Path) -> str:
+    return path.relative_to(folder).as_posix()
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _recorded(folder: Path) -> dict[str, str] | None:
+    """Files of a folder that runs wrote, with their digests; None where early versions, without a record, made it."""
     try:
         found = json.loads((folder / _RECORD).read_bytes())
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError):
-        return set()
-    return {str(name) for name in found} if isinstance(found, list) else set()
+        return {}
+    # A list of names has no digests.
+    pairs = (
+        found.items() if isinstance(found, dict) else [(name, "") for name in found] if isinstance(found, list) else []
+    )
+    return {str(name): str(digest) for name, digest in pairs}
 
 
 def _is_own(path: Path) -> bool:
@@ -134,7 +181,7 @@ def _is_own(path: Path) -> bool:
     for folder in path.parents[:2]:
         if any((folder / name).is_dir() for name in _RUN_FOLDERS):
             recorded = _recorded(folder)
-            return recorded is None or path.relative_to(folder).as_posix() in recorded
+            return recorded is None or _within(folder, path) in recorded
     return False
 
 

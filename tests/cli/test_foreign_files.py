@@ -42,6 +42,22 @@ def test_a_result_that_may_not_be_read_is_said_to_be_so(study: Path, monkeypatch
         assert found.exit_code == 2 and f"{path}: you have no permission to read" in found.stderr
 
 
+def test_a_check_sees_files_of_other_programs_that_are_not_as_written(study: Path) -> None:
+    """They have no seal; the record of the run has their digests."""
+    path = study.parent / "out" / "panel.SID_FEM"
+    assert call("run", study, "--quiet", "--set", "write.formats=[hdf5, sid]").exit_code == 0
+    assert call("check", path.parent).exit_code == 0
+    text = path.read_bytes()
+    for damage in (text[:-1], text.replace(b"1", b"2", 1), None):
+        path.unlink() if damage is None else path.write_bytes(damage)
+        found = call("check", path.parent)
+        assert found.exit_code == 2 and found.stderr.startswith(f"error: {path}: the "), found.stderr
+        assert "write it again with `cmsreduce run`" in found.stderr
+    # A run that leaves the format out does not ask for its file.
+    assert call("run", study, "--quiet", "--set", "write.formats=[hdf5]").exit_code == 0
+    assert call("check", path.parent).exit_code == 0
+
+
 def test_a_run_replaces_its_own_files(study: Path) -> None:
     for _ in range(2):
         assert call("run", study, "--quiet", "--set", "write.formats=[hdf5, sid]").exit_code == 0

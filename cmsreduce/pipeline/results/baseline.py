@@ -20,7 +20,7 @@ from cmsreduce.pipeline.store import ORIGIN, read_origin
 from cmsreduce.read import expect_kind, file_kind
 from cmsreduce.report import place
 from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
-from cmsreduce.write import ComponentFile, read_component, read_summary, stated_settings
+from cmsreduce.write import ComponentFile, read_component, read_summary, refuse_changed, stated_settings
 
 __all__ = ["SAME_RUN", "StoredResult", "compare", "open_result"]
 
@@ -117,6 +117,7 @@ def open_result(path: Path) -> StoredResult:
                 f"{system}: it is of another run than {beside[name].name} beside it; write both again with "
                 "`cmsreduce run`"
             )
+    refuse_changed(summary.parent)
     return StoredResult(path, facts, files)
 
 
