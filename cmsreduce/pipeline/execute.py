@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from cmsreduce.config import load_pipeline, naming_the_line
-from cmsreduce.errors import ConfigError, StageError, WriteError, not_among
+from cmsreduce.errors import ConfigError, ReadError, StageError, WriteError, not_among
 from cmsreduce.model import RunResult, Values, parameter_label
 from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
@@ -82,7 +83,8 @@ def execute(
     # Work between stages, and for the report, is dense algebra of small matrices, too.
     with (
         naming_the_line(run.pipeline),
-        sole_use(run.folder, run.stages.progress.note),
+        # Said at once: notes are told at the end.
+        sole_use(run.folder, partial(run.stages.progress.stage, "wait")),
         blas_threads(run.stages.solver.threads or 1),
         collecting(failures),
     ):
@@ -172,10 +174,16 @@ def reopen(folder: Path) -> Run:
     Raises
     ------
     ReadError
-        If the folder is no run directory.
+        If the folder is no run directory, or the pipeline is not where it was.
     """
     facts = read_origin(folder)
-    return Run(load_pipeline(Path(facts["pipeline"]), facts["overrides"]), folder, Silent(), only=REPORT)
+    pipeline = Path(facts["pipeline"])
+    if not pipeline.is_file():
+        raise ReadError(
+            f"{folder}: the pipeline that it is from, {pipeline}, is not there: it was moved, or the folder is of "
+            "another machine. Put it back, or run it with --out and this folder; `check` needs the folder alone"
+        )
+    return Run(load_pipeline(pipeline, facts["overrides"]), folder, Silent(), only=REPORT)
 
 
 def reopened_result(folder: Path, *, views: bool = False) -> tuple[Run, RunResult]:

@@ -153,6 +153,18 @@ def test_bad_arguments_exit_2_with_one_line(finished: Path, args: tuple[str, ...
     assert first in result.stderr and second in result.stderr.lower(), result.stderr
 
 
+def test_a_run_without_its_pipeline_is_checked_and_not_reported(finished: Path) -> None:
+    """As on another machine."""
+    pipeline = Path(json.loads((finished / "stages" / "origin.json").read_text())["pipeline"])
+    moved = pipeline.rename(pipeline.with_suffix(".moved"))
+    try:
+        assert call("check", finished).exit_code == 0
+        told = call("report", finished)
+        assert told.exit_code == 2 and f"{pipeline}, is not there" in told.stderr and "--out" in told.stderr
+    finally:
+        moved.rename(pipeline)
+
+
 def test_inspect_says_how_sound_a_body_is(good_study: Path) -> None:
     said = call("inspect", good_study / "study.yaml").stdout
     arm = said.partition("  panel:")[0]

@@ -57,6 +57,21 @@ def test_two_runs_at_once_do_each_stage_once(study: Path, opened: Callable[..., 
         run = opened()
         execute(run, study, report=False)
         assert isinstance(run.stages.progress, Log)
-        assert any("another run is at work" in note for note in run.stages.progress.notes)
+        assert run.stages.progress.done[0].startswith("wait another run is at work")
         assert first.wait(60) == 0
     assert done(run) == []
+
+
+def test_a_run_says_at_once_that_it_waits(study: Path) -> None:
+    """Also without --verbose, which tells notes at the end."""
+    out = study.parent / "out"
+    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study), "--until", "reduce"]
+    with holder(out) as first:
+        with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as second:
+            assert second.stderr is not None and first.stdin is not None
+            assert f"another run is at work in {out}" in second.stderr.readline()
+            assert second.poll() is None
+            first.stdin.write("\n")
+            first.stdin.flush()
+            second.stderr.read()
+        assert second.returncode == 0
