@@ -173,6 +173,9 @@ MISTAKES = {
     "parts, which left": (
         "name: galileo", "name: galileo\nsolver: {parts: auto}", 1,
         "key 'solver.parts' has been removed. Bodies are not reduced in parts any more."),
+    "parts of the pipeline, which left": (
+        "name: galileo", "name: galileo\nparts: auto", 1,
+        "key 'parts' has been removed. Bodies are not reduced in parts any more."),
     "parts of one body, which left": (
         "method: guyan", "method: guyan, parts: 16", 0,
         "key 'components.rotor.reduce.parts' has been removed. Bodies are not reduced in parts any more."),

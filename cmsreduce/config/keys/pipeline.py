@@ -109,6 +109,8 @@ def _check_component_name(name: str) -> str:
 class Pipeline(Keys):
     """A pipeline: the bodies, the scene they act in, and the stages to run; a stage that is absent is not run."""
 
+    removed: ClassVar[Mapping[str, str]] = NO_PARTS
+
     name: Name = Field(description="Name of the study.", examples=["galileo"])
     output: Annotated[Path, WithJsonSchema({"type": "string"})] = Field(
         default=Path("build"),
