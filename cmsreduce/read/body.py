@@ -13,6 +13,7 @@ from cmsreduce.model import SCALAR, SI, Damping, DofTable, FEModel, Source, Unit
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import NODE_ROWS, Geometry
 from cmsreduce.read.geometry import in_terms_of, other_length, read_geometry
+from cmsreduce.read.held_dofs import constrained_dofs, with_turned_supports
 from cmsreduce.read.idle_turns import with_idle_turns
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_interface
 from cmsreduce.read.labelled_matrix import LabelledMatrix
@@ -142,6 +143,9 @@ def read_body(
                 "condensation and were set to zero"
             )
         resolved = {face: resolve_interface(name, face, one, table, nodes, sets, *also) for face, one in named.items()}
+        held = None if shape is None else constrained_dofs(shape, table)
+        if shape is not None and nodes is not None and held is not None:
+            nodes = with_turned_supports(nodes, held, shape.turned)
         return FEModel(
             name,
             stiff,
@@ -154,7 +158,7 @@ def read_body(
             units=units,
             rounding=rounding,
             sets=sets,
-            constrained=_constrained(table, shape),
+            constrained=held,
             grounded=grounded,
             rows_trusted=rows_trusted,
             sources=sources,
@@ -190,15 +194,6 @@ def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[st
     # A word that is no file is a misspelt set; the geometry then lists the sets that exist.
     word = geometry is not None and rows.isidentifier() and not Path(rows).exists()
     return (rows, None) if named or word else (None, Path(rows))
-
-
-def _constrained(dofs: DofTable, geometry: Geometry | None) -> DofTable | None:
-    """Constrained dofs without rows; a constrained dof that has a row is free in these matrices."""
-    if geometry is None or geometry.constrained is None:
-        return None
-    table = geometry.constrained
-    without_row = dofs.rows(table.node, table.component) < 0
-    return table[without_row] if without_row.any() else None
 
 
 def _check_rigid_elements_act(

@@ -186,6 +186,8 @@ class Geometry:
         Unit of the coordinates, where the file states one.
     idle : IdleTurns, optional
         Rotations that nothing resists.
+    turned : mapping of int to (3, 3) float64
+        Axes, as rows, along which supports hold nodes whose rows are along the basic axes.
     """
 
     path: Path
@@ -200,6 +202,7 @@ class Geometry:
     turning: Mapping[int, int] = field(default_factory=dict)
     length: StatedLength | None = None
     idle: IdleTurns | None = None
+    turned: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
 
     @classmethod
     def of_mesh(cls, path: Path, nodes: Nodes) -> Geometry:

@@ -204,3 +204,32 @@ def test_the_whole_stiffness_of_a_perturbation_step_is_that_of_a_parameter(tmp_p
     A, _ = read_parameter_matrix(source, found, "K", "parameter 'pull'", grounded=True, whole=True)
     np.testing.assert_allclose(frequencies(replace(found, K=found.K + A))[:6], expected[:6], rtol=1e-5)
     assert abs(A.data).max() < 0.1 * abs(found.K.data).max()
+
+
+@pytest.mark.parametrize("kind", ["C3D8I", "S8R"])
+@pytest.mark.parametrize(
+    ("axes", "line", "components"),
+    [
+        ("R", ".7, .5, .2, -.3, .8, .1", (1, 3)),
+        ("C", "-.2, .1, .3, -.2, .1, 1.3", (2,)),
+        ("C", "0, 0, 0, 1, 0, 0", (3,)),
+    ],
+    ids=["two components", "across the radius", "along a cylinder, with nodes on its axis"],
+)
+def test_supports_in_turned_axes(tmp_path, kind, axes, line, components):
+    deck = Deck()
+    if kind == "S8R":
+        deck.plate(kind, (3, 2), (0, 0, 0), (1, 0, 0.2), (0, 0.4, 0))
+    else:
+        deck.solid(kind, (3, 2, 2), (1, 0.3, 0.2), origin=(0, -0.15, -0.1))
+    deck.nset("END", deck.at(0))
+    deck.keywords += f"*TRANSFORM, NSET=END, TYPE={axes}\n{line}\n*BOUNDARY\n"
+    deck.keywords += "".join(f"END, {component}\n" for component in components)
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    expected = np.array(solve(tmp_path, "whole", deck.text(), matrices=False))
+    elastic = expected[expected > 0.1]
+    found = read(tmp_path)
+    proof = prove_row_order(found)
+    # CalculiX has a zero frequency for each rigid motion that the supports leave.
+    assert (proof.status, proof.motions) == ("proven", expected.size - elastic.size)
+    np.testing.assert_allclose(frequencies(found)[:6], elastic[:6], rtol=2e-6)

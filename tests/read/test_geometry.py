@@ -117,7 +117,15 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
         ("*NODE\n1,0.\n*NGEN\n1,5,1\n", "line 3: \\*NGEN: generated nodes are not read"),
         (
             "*NODE\n1,0.\n*TRANSFORM, NSET=1, TYPE=C\n*BOUNDARY\n1, 2\n",
-            "node 1 is held in .* a local system",
+            r"line 3: \*TRANSFORM: its line needs two points, 6 numbers",
+        ),
+        (
+            "*NODE\n1,0.\n*TRANSFORM, NSET=1\n1.,0.,0.,2.,0.,0.\n*BOUNDARY\n1, 2\n",
+            "line 3: .* its two points give no axes",
+        ),
+        (
+            "*NODE\n1,0.,0.,3.\n*TRANSFORM, NSET=1, TYPE=C\n0.,0.,0.,0.,0.,1.\n*BOUNDARY\n1, 2\n",
+            "node 1 lies on the axis of the cylinder, .* hold it along axes of TYPE=R",
         ),
         (
             "*NODE\n1,0.\n*CYCLIC SYMMETRY MODEL, N=4, TIE=T1\n0.,0.,0.,0.,0.,1.\n",
@@ -140,6 +148,15 @@ def test_a_node_held_along_all_axes_of_its_own_is_held(tmp_path: Path) -> None:
     constrained = read_geometry(write(tmp_path, "model.inp", text)).constrained
     assert constrained is not None
     assert constrained.labels == ["1.1", "1.2", "1.3"]
+
+
+def test_axes_of_a_support_are_those_of_transform(tmp_path: Path) -> None:
+    """The radius, the way around, and the axis of a cylinder through (1, 0, 0) along y; and axes of two points."""
+    text = "*NODE\n1,1.,5.,2.\n2,0.\n*TRANSFORM, NSET=1, TYPE=C\n1.,0.,0.,1.,3.,0.\n"
+    text += "*TRANSFORM, NSET=2\n0.,2.,0.,3.,1.,0.\n"
+    turned = read_geometry(write(tmp_path, "model.inp", f"{text}*BOUNDARY\n1, 1\n2, 2, 3\n")).turned
+    np.testing.assert_allclose(turned[1], [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-15)
+    np.testing.assert_allclose(turned[2], [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-15)
 
 
 def test_other_meshes_are_numbered_from_one(tmp_path: Path) -> None:

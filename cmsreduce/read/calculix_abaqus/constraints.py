@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import DofTable
 from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets, element_nodes
 from cmsreduce.read.printed_numbers import whole_number
 
-__all__ = ["lost_masses", "nodes_with_own_rows", "rotation_nodes", "supports"]
+__all__ = ["lost_masses", "nodes_with_own_rows", "rotation_nodes", "supports", "turned_supports"]
 
 _NAMED = {
     "ENCASTRE": range(1, 7),
@@ -26,9 +26,12 @@ _NAMED = {
 }
 """Components that the named supports of Abaqus hold."""
 
+# Of the distance of a point: nearer to a line, it lies on it.
+_SAME_LINE = 1e-9
 
-def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) -> DofTable | None:
-    """Dofs that *BOUNDARY holds; None without any.
+
+def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) -> dict[tuple[int, int], None]:
+    """Nodes and components that *BOUNDARY holds.
 
     Parameters
     ----------
@@ -42,12 +45,7 @@ def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) 
     Raises
     ------
     ReadError
-        If a line names no components, or a node is held along one or two axes of its own.
-
-    Notes
-    -----
-    The matrices of CalculiX are along the basic axes also at nodes of *TRANSFORM, which turns their supports alone. The
-    proof of the row order refuses matrices along other axes.
+        If a line names no components.
     """
     held: dict[tuple[int, int], None] = {}
     for block in deck:
@@ -61,20 +59,77 @@ def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) 
                 for component in components:
                     turns = node in turning and component <= 3
                     held[(turning[node], component + 3) if turns else (node, component)] = None
-    if not held:
-        return None
+    return held
+
+
+def turned_supports(
+    deck: Sequence[Block],
+    sets: DeckSets,
+    held: Collection[tuple[int, int]],
+    places: Mapping[int, Sequence[float]],
+) -> dict[int, NDArray[np.float64]]:
+    """Axes (3, 3) of nodes that *TRANSFORM turns and that are held along one or two of these axes.
+
+    Parameters
+    ----------
+    deck : sequence of Block
+        The input file.
+    sets : DeckSets
+        Its sets.
+    held : collection of (int, int)
+        Nodes and components of `supports`.
+    places : mapping of int to sequence of float
+        Positions of the nodes.
+
+    Raises
+    ------
+    ReadError
+        If a line of *TRANSFORM names no two points that give axes, or a node on the axis of a cylinder is held along a
+        radius or across it.
+
+    Notes
+    -----
+    The matrices of CalculiX are along the basic axes also at nodes of *TRANSFORM, which turns their supports alone. The
+    proof of the row order refuses matrices along other axes.
+    """
     turned = {
         node: block for block in deck if block.keyword == "TRANSFORM" for node in sets.nodes_of(block.option("NSET"))
     }
-    for node in turned:
+    found = {}
+    for node, block in turned.items():
+        along = {axis for axis in range(1, 7) if (node, axis) in held}
         # Held along all three axes, it is held along any.
-        if any(sum((node, axis) in held for axis in axes) in (1, 2) for axes in ((1, 2, 3), (4, 5, 6))):
-            raise ReadError(
-                f"{turned[node].where}: node {node} is held in degrees of freedom in a local system, which are not "
-                "read; give the geometry as a mesh with plain nodes, such as a .frd file, with `grounded: true`"
-            )
-    node, component = np.array(sorted(held), dtype=np.int64).T
-    return DofTable(node, component.astype(np.int8))
+        if all(len(along & axes) in (0, 3) for axes in ({1, 2, 3}, {4, 5, 6})) or node not in places:
+            continue
+        found[node] = _axes(block, np.array(places[node]))
+        if not found[node].any(axis=1).all():
+            if any(len(along & axes) == 1 for axes in ({1, 2}, {4, 5})):
+                raise ReadError(
+                    f"{block.where}: node {node} lies on the axis of the cylinder, where no radius is defined, and is "
+                    "held along the radius or across it; hold it along axes of TYPE=R"
+                )
+            found[node][:2] = np.linalg.svd(found[node][2:])[2][1:]
+    return found
+
+
+def _axes(block: Block, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Axes of a *TRANSFORM at a place, as rows; on the axis of a cylinder the first two are zero."""
+    try:
+        a, b = np.array([float(text.replace("D", "E")) for text in next(block.rows)[:6]]).reshape(2, 3)
+    except (StopIteration, ValueError):
+        raise ReadError(f"{block.where}: its line needs two points, 6 numbers") from None
+    # A cylinder has its axis from a to b; else a is a point on the first axis, and b one in the plane of the first two.
+    round_axis = block.option("TYPE").startswith("C")
+    first, second = (b - a, at - a) if round_axis else (a, b)
+    length = float(np.linalg.norm(first))
+    x = first / (length or 1.0)
+    across = second - (second @ x) * x
+    size = float(np.linalg.norm(across))
+    off = size > _SAME_LINE * max(float(np.linalg.norm(second)), length)
+    if not length or not (off or round_axis):
+        raise ReadError(f"{block.where}: its two points give no axes; they lie on one line with the origin")
+    y = across / size if off else np.zeros(3)
+    return np.array([y, np.cross(x, y), x] if round_axis else [x, y, np.cross(x, y)])
 
 
 def nodes_with_own_rows(deck: Sequence[Block], sets: DeckSets) -> set[int]:

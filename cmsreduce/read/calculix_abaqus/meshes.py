@@ -10,8 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Nodes
-from cmsreduce.read.calculix_abaqus.constraints import lost_masses, nodes_with_own_rows, rotation_nodes, supports
+from cmsreduce.model import DofTable, Nodes
+from cmsreduce.read.calculix_abaqus.constraints import (
+    lost_masses,
+    nodes_with_own_rows,
+    rotation_nodes,
+    supports,
+    turned_supports,
+)
 from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, element_nodes, longest_start
 from cmsreduce.read.calculix_abaqus.expansion import PLANE, expansion_beside
 from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
@@ -204,16 +210,18 @@ def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: floa
         expanded = {element.number for element in expansion.elements}
         solid = {node for number, of in sets.topology.items() if number not in expanded for node in of}
         moved = set(expansion.nodes) - solid - set(expansion.knots)
-        kept_ones = nodes_with_own_rows(deck, sets) | set([] if held is None else held.node.tolist())
+        kept_ones = nodes_with_own_rows(deck, sets) | {node for node, _ in held}
         gone |= moved - kept_ones
         # With an offset, they are not where the deck has them.
         middles = {node: _middle(made, expansion.nodes[node]) for node in moved & kept_ones}
         nodes = nodes | made | middles
     kept = {id: xyz for id, xyz in nodes.items() if id not in gone}
     mesh = Geometry.of_mesh(path, Nodes.in_basic(list(kept), np.array(list(kept.values())), rounding))
+    node, component = np.array(sorted(held), dtype=np.int64).reshape(-1, 2).T
     return replace(
         mesh,
-        constrained=held,
+        constrained=DofTable(node, component.astype(np.int8)) if held else None,
+        turned=turned_supports(deck, sets, held, kept),
         node_sets={name: np.array(ids, dtype=np.int64) for name, ids in sets.nodes.items() if ids},
         turning=turning,
         remarks=tuple(
