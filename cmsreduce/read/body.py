@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,11 @@ def read_body(
         for kind, source in {"stiffness": stiffness, "mass": mass, "damping": damping_matrix}.items()
         if source is not None
     }
+    calculix = matrices["stiffness"].format == "calculix"
+    if calculix and shape is not None and shape.means:
+        xyz = shape.nodes.xyz.copy()
+        xyz[shape.nodes.index(list(shape.means))] = list(shape.means.values())
+        shape = replace(shape, nodes=replace(shape.nodes, xyz=xyz))
     for one in matrices.values():
         # Before the rows are looked for in the geometry, which would be blamed.
         _refuse_other_shape(name, one)
@@ -125,7 +131,7 @@ def read_body(
         inner[sets.get("q", np.empty(0, np.int64))] = True
         also = (shape.node_sets, shape.expanded) if shape is not None else ()
         remarks = [] if shape is None else [*other_length(name, shape, units)]
-        if shape is not None and matrices["stiffness"].format == "calculix":
+        if calculix and shape is not None:
             remarks += [f"{name}: {remark}" for remark in shape.remarks]
         if nodes is not None:
             placed, nodes = with_places(K.A, table, nodes)
@@ -180,9 +186,7 @@ def read_body(
     try:
         return prove_row_order(body).estimated(body)
     except DofMapError as error:
-        beyond = (
-            _LAST_NUMBERS if matrices["stiffness"].format == "calculix" and (dofs.component == SCALAR).any() else ""
-        )
+        beyond = _LAST_NUMBERS if calculix and (dofs.component == SCALAR).any() else ""
         raise DofMapError(f"{error}{beyond}") from error
 
 

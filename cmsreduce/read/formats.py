@@ -188,6 +188,8 @@ class Geometry:
         Rotations that nothing resists.
     turned : mapping of int to (3, 3) float64
         Axes, as rows, along which supports hold nodes whose rows are along the basic axes.
+    means : mapping of int to (3,) float64
+        Places at which nodes move that the solver, if it is CalculiX, lets follow the mean of others.
     """
 
     path: Path
@@ -203,6 +205,7 @@ class Geometry:
     length: StatedLength | None = None
     idle: IdleTurns | None = None
     turned: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    means: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
 
     @classmethod
     def of_mesh(cls, path: Path, nodes: Nodes) -> Geometry:

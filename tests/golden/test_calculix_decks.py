@@ -149,6 +149,28 @@ def test_the_reference_node_of_a_distributing_coupling_has_no_rotations(tmp_path
     np.testing.assert_allclose(frequencies(found)[:6], expected[6:12], rtol=1e-6)
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_the_node_of_a_coupling_with_weights_lies_at_their_mean(tmp_path, held):
+    """CalculiX moves the node of a mass by the weighted mean of the motions of the tip, wherever it lies."""
+    deck = Deck().solid("C3D8", (4, 2, 1), (1, 0.3, 0.15))
+    tip, lead = deck.at(1), deck.node((1.1, 0.1, 0.05), layer=1)
+    weights = np.arange(1.0, 1 + len(tip))
+    deck.keywords = f"*ELEMENT, TYPE=DCOUP3D, ELSET=DC\n9500, {lead}\n*DISTRIBUTING COUPLING, ELSET=DC\n"
+    deck.keywords += "".join(f"{node}, {weight}\n" for node, weight in zip(tip, weights, strict=True))
+    deck.keywords += f"*ELEMENT, TYPE=MASS, ELSET=LUMP\n9001, {lead}\n*MASS, ELSET=LUMP\n30.\n"
+    if held:
+        deck.keywords += "*BOUNDARY\n" + "".join(f"{node}, 1, 3\n" for node in deck.at(0))
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    expected = np.array(solve(tmp_path, "whole", deck.text(), matrices=False))
+    found = read(tmp_path)
+    assert prove_row_order(found).status == "proven"
+    np.testing.assert_allclose(frequencies(found)[:6], expected[expected > 0.1][:6], rtol=1e-6)
+    place = {number: at[1:] for at, number in deck.nodes.items()}
+    mean = weights @ [place[node] for node in tip] / weights.sum()
+    np.testing.assert_allclose(found.nodes.xyz[found.nodes.index(lead)][0], mean, rtol=1e-8)
+    assert re.search(rf"moves node {lead} of a \*DISTRIBUTING COUPLING with the mean", "".join(found.remarks))
+
+
 def test_a_mass_that_calculix_leaves_out_is_named(tmp_path):
     """Its modes are those without the mass; at a node of the surface, it counts."""
     deck = Deck().solid("C3D8", (4, 2, 2), (1, 0.1, 0.15))

@@ -128,6 +128,10 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
             "node 1 lies on the axis of the cylinder, .* hold it along axes of TYPE=R",
         ),
         (
+            "*NODE\n1,0.\n*ELEMENT, TYPE=DCOUP3D, ELSET=D\n7,1\n*DISTRIBUTING COUPLING, ELSET=D\n9,1.\n",
+            r"line 5: \*DISTRIBUTING COUPLING: a line needs a node or a set of nodes of the deck, and a weight",
+        ),
+        (
             "*NODE\n1,0.\n*CYCLIC SYMMETRY MODEL, N=4, TIE=T1\n0.,0.,0.,0.,0.,1.\n",
             r"line 3: \*CYCLIC SYMMETRY MODEL: the matrices are those of one sector.* mesh the whole body",
         ),

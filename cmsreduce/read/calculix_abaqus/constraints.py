@@ -12,7 +12,14 @@ from cmsreduce.errors import ReadError
 from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets, element_nodes
 from cmsreduce.read.printed_numbers import whole_number
 
-__all__ = ["lost_masses", "nodes_with_own_rows", "rotation_nodes", "supports", "turned_supports"]
+__all__ = [
+    "lost_masses",
+    "nodes_with_own_rows",
+    "places_of_means",
+    "rotation_nodes",
+    "supports",
+    "turned_supports",
+]
 
 _NAMED = {
     "ENCASTRE": range(1, 7),
@@ -202,6 +209,40 @@ def lost_masses(deck: Sequence[Block], sets: DeckSets) -> list[int]:
     }
     masses = (block for block in deck if block.keyword == "ELEMENT" and block.option("TYPE") == "MASS")
     return sorted(found & {nodes[0] for block in masses for _, nodes in element_nodes(block, 1)})
+
+
+def places_of_means(
+    deck: Sequence[Block], sets: DeckSets, places: Mapping[int, Sequence[float]]
+) -> dict[int, NDArray[np.float64]]:
+    """Places (3,) at which the reference nodes of *DISTRIBUTING COUPLING move: the weighted mean of those of its nodes.
+
+    Raises
+    ------
+    ReadError
+        If a line names no nodes with a weight, or the weights are no positive sum.
+
+    Notes
+    -----
+    CalculiX makes the displacement of the reference node the weighted mean, wherever it lies.
+    """
+    found: dict[int, NDArray[np.float64]] = {}
+    for block in deck:
+        if block.keyword != "DISTRIBUTING COUPLING":
+            continue
+        try:
+            weights = [
+                (node, float(fields[1].replace("D", "E"))) for fields in block.rows for node in sets.nodes_of(fields[0])
+            ]
+            at, weight = np.array([places[node] for node, _ in weights]), np.array([one for _, one in weights])
+            if not weight.sum() > 0:
+                raise ValueError
+        except (IndexError, KeyError, ValueError):
+            raise ReadError(
+                f"{block.where}: a line needs a node or a set of nodes of the deck, and a weight above 0"
+            ) from None
+        for element in sets.elements.get(block.option("ELSET"), ()):
+            found |= dict.fromkeys(sets.topology.get(element, ()), weight @ at / weight.sum())
+    return found
 
 
 def _rigid(deck: Sequence[Block], sets: DeckSets) -> Iterator[tuple[Block, int, tuple[int, ...]]]:

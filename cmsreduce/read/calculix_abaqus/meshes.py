@@ -14,6 +14,7 @@ from cmsreduce.model import DofTable, Nodes
 from cmsreduce.read.calculix_abaqus.constraints import (
     lost_masses,
     nodes_with_own_rows,
+    places_of_means,
     rotation_nodes,
     supports,
     turned_supports,
@@ -78,8 +79,10 @@ _INPUT_CELLS = {
     "B32": ("line", 3),
     "T3D3": ("line", 3),
 }
+# Of the size of a body: nodes that lie nearer are at one place.
+_SAME_PLACE = 1e-6
 # Masses, springs and dampers by the start of their name, with their nodes: CalculiX leaves a row to each.
-_POINT_ELEMENTS = {"MASS": 1, "SPRING1": 1, "SPRING2": 2, "SPRINGA": 2, "DASHPOTA": 2}
+_POINT_ELEMENTS = {"MASS": 1, "DCOUP3D": 1, "SPRING1": 1, "SPRING2": 2, "SPRINGA": 2, "DASHPOTA": 2}
 
 
 def _read_frd(path: Path) -> Geometry:
@@ -217,6 +220,7 @@ def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: floa
         nodes = nodes | made | middles
     kept = {id: xyz for id, xyz in nodes.items() if id not in gone}
     mesh = Geometry.of_mesh(path, Nodes.in_basic(list(kept), np.array(list(kept.values())), rounding))
+    means = {node: at for node, at in places_of_means(deck, sets, nodes).items() if node in kept}
     node, component = np.array(sorted(held), dtype=np.int64).reshape(-1, 2).T
     return replace(
         mesh,
@@ -224,7 +228,14 @@ def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: floa
         turned=turned_supports(deck, sets, held, kept),
         node_sets={name: np.array(ids, dtype=np.int64) for name, ids in sets.nodes.items() if ids},
         turning=turning,
+        means=means,
         remarks=tuple(
+            f"CalculiX moves node {node} of a *DISTRIBUTING COUPLING with the mean of its nodes: it is taken as lying "
+            f"there, at ({', '.join(f'{x:.6g}' for x in at)})"
+            for node, at in means.items()
+            if not np.allclose(at, kept[node], rtol=0, atol=_SAME_PLACE * float(np.ptp(mesh.nodes.xyz, axis=0).max()))
+        )
+        + tuple(
             f"CalculiX leaves the mass at node {node} out of its matrices, and out of its own modes: it is the "
             "reference node of a *DISTRIBUTING coupling, which has no rows. Put it on the surface, or take *KINEMATIC"
             for node in lost_masses(deck, sets)
