@@ -24,10 +24,15 @@ relative to the decade of a number."""
 
 # Forces K R of a rigid motion are at most this many roundings of the file, relative to |K|.
 _RIGID_FACTOR = 1e4
+# Of a body that the ground holds, rows that resist no rigid motion show the rounding of K if they are such a share.
+_MOST_ROWS = 0.5
 
 
 class Geometric(NamedTuple):
     """Rigid-body shapes of the geometry that K does not resist (n, r), with their energy shares; and the others.
+
+    If K resists all of them, the shares are those of the rows away from the ground, which resist none; there are none
+    if it holds most rows.
 
     ``coarse`` is True if K resists the free ones by more than its own errors: digits of the coordinates limit them, not
     those of K. Such shapes couple with soft modes. The motions of K near them do not.
@@ -60,6 +65,14 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
     limit = max(LEFT_BY_FILE * rounding, CONDENSATION)
     rigid = unforced & is_rounding(share, limit)
     own, error = np.sqrt(abs(K.diagonal())), max(rounding, DOUBLE)
+    if not rigid.any():
+        away = (abs(force) <= LEFT_BY_FILE * error * parts[:, :-1]).all(axis=1)
+        if away.mean() < _MOST_ROWS:
+            share = np.empty(0)
+        else:
+            terms = sizes[away] * parts[away, :-1]
+            share = _share(np.einsum("ij,ij->j", shapes[away], force[away]), terms.sum(axis=0))
+        return Geometric(shapes[:, rigid], share, shapes, energy, False)
     scale = own[:, None] * (own[:, None] * sizes[:, rigid]).max(axis=0, initial=0.0)
     explained = 2 * PRINTED * error * parts[:, :-1][:, rigid] + max(ARITHMETIC, error) * scale
     coarse = bool((abs(force[:, rigid]) > explained).any())

@@ -137,8 +137,8 @@ def rigid_body_modes(
     if proven is None and prove and K.shape[0] > _DENSE_LIMIT:
         proven = only_motions(K, R, rounding)
     if proven is None:
-        shapes, *_, coarse = geometric_motions(K, R, rounding)
-        N = _null_motions(K, rounding, shapes)
+        shapes, share, _, _, coarse = geometric_motions(K, R, rounding)
+        N = _null_motions(K, rounding, shapes, share)
     else:
         shapes, N, coarse = proven, proven, False
     geometric = shapes.shape[1]
@@ -243,21 +243,23 @@ def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None =
     N : (n, k) float64
         Vectors whose strain energy is only rounding of its terms.
     """
-    N = _null_motions(K, rounding, known)
+    N = _null_motions(K, rounding, known, np.empty(0) if known is None else energy_share(K, known))
     held = None if N is known else _hold(K, N)
     return N if held is None else held.independent(N)
 
 
-def _null_motions(K: sp.csc_array, rounding: float, known: Array | None) -> Array:
-    """Null space as of `stiffness_null_space`, with errors of a few per cent along soft motions if not known."""
+def _null_motions(K: sp.csc_array, rounding: float, known: Array | None, share: Array) -> Array:
+    """Null space as of `stiffness_null_space`, with errors of a few per cent along soft motions if not known.
+
+    ``share`` are energy shares that are known to be rounding.
+    """
     n, (scaled, d) = K.shape[0], _unit_diagonal(K)
     if n <= _DENSE_LIMIT:
         _, V = la.eigh(scaled.toarray())
     else:
         solve = factorise(sp.csc_array(scaled + _SHIFT * sp.eye_array(n)), definite=False, what="the stiffness")
         V = _weakest(scaled, solve, _WANTED)
-    known_energy = np.empty(0) if known is None else energy_share(K, known)
-    left = _left_of(known_energy, rounding)
+    left = _left_of(share, rounding)
     # If all vectors are null vectors, there may be more.
     while (null := is_rounding(energy_share(scaled, V), left)).all() and V.shape[1] < n:
         V = _weakest(scaled, solve, min(2 * V.shape[1], n))
