@@ -14,7 +14,7 @@ from cmsreduce.model import SCALAR, SI, Damping, DofTable, FEModel, Source, Unit
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import NODE_ROWS, Geometry
 from cmsreduce.read.geometry import in_terms_of, other_length, read_geometry
-from cmsreduce.read.held_dofs import constrained_dofs, with_turned_supports
+from cmsreduce.read.held_dofs import constrained_dofs, with_turned_supports, without_support_rows
 from cmsreduce.read.idle_turns import with_idle_turns
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_interface
 from cmsreduce.read.labelled_matrix import LabelledMatrix
@@ -121,6 +121,7 @@ def read_body(
         table, common = _on_common_rows(name, dofs, [*matrices.values()], shape)
         if shape is not None and shape.idle is not None:
             table, common = with_idle_turns(table, common, shape.idle)
+        table, common, supports = without_support_rows(table, common, None if shape is None else shape.sets.get("q"))
         K, M, *D = common
         nodes = shape.nodes if shape is not None and len(shape.nodes) else None
         given = {} if shape is None else shape.sets
@@ -133,6 +134,11 @@ def read_body(
         remarks = [] if shape is None else [*other_length(name, shape, units)]
         if calculix and shape is not None:
             remarks += [f"{name}: {remark}" for remark in shape.remarks]
+        if len(supports):
+            remarks.append(
+                f"{name}: {len(supports)} rows have nothing but one number on the diagonal, as those of supports, and "
+                f"were left out: {', '.join(supports.labels[:_NAMED])}{' ...' if len(supports) > _NAMED else ''}"
+            )
         if nodes is not None:
             placed, nodes = with_places(K.A, table, nodes)
             moving = np.flatnonzero(placed.component != table.component)
@@ -150,6 +156,8 @@ def read_body(
             )
         resolved = {face: resolve_interface(name, face, one, table, nodes, sets, *also) for face, one in named.items()}
         held = None if shape is None else constrained_dofs(shape, table)
+        if len(supports):
+            held = supports if held is None else held.joined(supports[held.rows(supports.node, supports.component) < 0])
         if shape is not None and nodes is not None and held is not None:
             nodes = with_turned_supports(nodes, held, shape.turned)
         return FEModel(

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import DofTable, Nodes
+from cmsreduce.linalg.blocks import absolute_product
+from cmsreduce.model import DOUBLE, SCALAR, DofTable, Nodes
 from cmsreduce.read.formats import Geometry
+from cmsreduce.read.labelled_matrix import LabelledMatrix
 
-__all__ = ["constrained_dofs", "with_turned_supports"]
+__all__ = ["constrained_dofs", "with_turned_supports", "without_support_rows"]
 
 # A support that is not along the axes of its node has a node of its own, whose number is so much larger.
 _TURNED = 10**14
+# Of a number: the same one printed with few digits.
+_ROUNDED = 1e-6
 
 
 def constrained_dofs(geometry: Geometry, dofs: DofTable) -> DofTable | None:
@@ -66,3 +70,49 @@ def with_turned_supports(nodes: Nodes, held: DofTable, turned: Mapping[int, NDAr
         xyz=np.vstack([nodes.xyz, nodes.xyz[nodes.index(own)]]),
         frame=np.vstack([nodes.frame, [turned[int(node)] for node in own]]),
     )
+
+
+def without_support_rows(
+    table: DofTable, matrices: Sequence[LabelledMatrix], inner: DofTable | None
+) -> tuple[DofTable, list[LabelledMatrix], DofTable]:
+    """Matrices without the rows of supports, which some programs leave in as an equation of their own.
+
+    Parameters
+    ----------
+    table : DofTable
+        Their rows.
+    matrices : sequence of LabelledMatrix
+        Stiffness and mass, and damping if there is one.
+    inner : DofTable, optional
+        Generalised coordinates.
+
+    Returns
+    -------
+    table, matrices
+        Without those rows.
+    held : DofTable
+        Dofs of the supports.
+
+    Notes
+    -----
+    Such a row has nothing but one number on the diagonal of the stiffness, the same for all of them, beside which the
+    others are rounding. Where it is 1, or so large that nothing else moves the dof, the mass may be as it was. Any
+    other number may be a spring: the mass then has one number too. Left in, rows with 1 and 1 are motions of 0.16 Hz.
+    """
+    diagonal = matrices[0].A.diagonal()
+    beside = absolute_product(matrices[0].A)(np.ones((len(table), 1)))[:, 0] - abs(diagonal)
+    alone = (table.component != SCALAR) & (diagonal > 0) & (beside <= DOUBLE * diagonal)
+    if inner is not None:
+        alone &= inner.rows(table.node, table.component) < 0
+    sure = (diagonal == 1) | (DOUBLE * diagonal >= diagonal[~alone].max(initial=0.0))
+    for one in matrices[1:]:
+        own = one.A.diagonal()
+        same = abs(own - own[alone].max(initial=0.0)) <= _ROUNDED * abs(own)
+        alone &= sure | (same & (np.diff(one.A.indptr) == (own != 0)))
+    cut = np.flatnonzero(alone)
+    k = diagonal[cut]
+    if not 0 < 2 * cut.size < len(table) or np.ptp(k) > _ROUNDED * k.max():
+        return table, [*matrices], table[cut[:0]]
+    kept = np.flatnonzero(~alone)
+    rest = table[kept]
+    return rest, [replace(one, A=one.A[kept][:, kept], dofs=rest) for one in matrices], table[cut]
