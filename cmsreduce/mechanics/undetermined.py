@@ -63,7 +63,11 @@ class Determined:
             return ""
         text = f"{self.body.name}: neither stiffness nor mass determines {len(self.held)} motions; held: "
         text += _listed(self.held)
-        return text + "".join(f"; interface '{name}' loses {_listed(labels)}" for name, labels in self.lost)
+        text += "".join(f"; interface '{name}' loses {_listed(labels)}" for name, labels in self.lost)
+        if any(source.holds.startswith("stiffness KGG") for source in self.body.sources):
+            # Where plates are not quite flat, such a rotation is as soft as rounding, and changes modes.
+            text += ". NASTRAN holds rotations about normals of plates in KAA and not in KGG: give KAA and MAA"
+        return text
 
     @property
     def moved(self) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.eigen import elastic_pairs, only_motions, rigid_body_modes
 from cmsreduce.mechanics import check_connected, hold_undetermined
 from cmsreduce.mechanics.pieces import parts
-from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, rigid_body_shapes
+from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, Source, rigid_body_shapes
 from tests.frames import BAR, Section, beam_matrices, frame, line, rotation
 from tests.plates import isotropic_laminate, plate_body
 from tests.solids import block
@@ -56,6 +56,9 @@ def rigid_of(body: FEModel) -> np.ndarray:
     return rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
 
 
+ADVICE = "NASTRAN holds rotations about normals of plates in KAA and not in KGG: give KAA and MAA"
+
+
 @pytest.mark.parametrize("digits", [None, 10], ids=["double", "ten digits"])
 @pytest.mark.parametrize(("twist", "count"), [(1.0, 1), (0.0, CHAIN)], ids=["torsion bar", "no torsion"])
 def test_an_aircraft_whose_massless_stiffness_is_singular(twist, count, digits):
@@ -75,6 +78,9 @@ def test_an_aircraft_whose_massless_stiffness_is_singular(twist, count, digits):
     assert set(found.held) <= {body.dofs.labels[row] for row in o}
     assert found.note.startswith(f"aircraft: neither stiffness nor mass determines {count} motions; held: ")
     assert found.lost == ()
+    assert "KAA" not in found.note
+    of_plates = replace(found, body=replace(held, sources=(Source("a.op4", "", "stiffness KGG"),)))
+    assert of_plates.note == f"{found.note}. {ADVICE}"
     # The chain's torsion moves nothing else, so that taking all of it out changes no frequency.
     keep = np.setdiff1d(np.arange(body.n), o)
     lam = la.eigh(body.K[keep][:, keep].toarray(), body.M[keep][:, keep].toarray(), eigvals_only=True)
