@@ -97,7 +97,8 @@ def without_support_rows(
     -----
     Such a row has nothing but one number on the diagonal of the stiffness, the same for all of them, beside which the
     others are rounding. Where it is 1, or so large that nothing else moves the dof, the mass may be as it was. Any
-    other number may be a spring: the mass then has one number too. Left in, rows with 1 and 1 are motions of 0.16 Hz.
+    other number may be a spring to the ground, unless its mass is 1 or nothing. Left in, rows with 1 and 1 are motions
+    of 0.16 Hz.
     """
     diagonal = matrices[0].A.diagonal()
     beside = absolute_product(matrices[0].A)(np.ones((len(table), 1)))[:, 0] - abs(diagonal)
@@ -107,8 +108,7 @@ def without_support_rows(
     sure = (diagonal == 1) | (DOUBLE * diagonal >= diagonal[~alone].max(initial=0.0))
     for one in matrices[1:]:
         own = one.A.diagonal()
-        same = abs(own - own[alone].max(initial=0.0)) <= _ROUNDED * abs(own)
-        alone &= sure | (same & (np.diff(one.A.indptr) == (own != 0)))
+        alone &= sure | (((own == 0) | (own == 1)) & (np.diff(one.A.indptr) == (own != 0)))
     cut = np.flatnonzero(alone)
     k = diagonal[cut]
     if not 0 < 2 * cut.size < len(table) or np.ptp(k) > _ROUNDED * k.max():

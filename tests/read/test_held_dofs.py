@@ -54,13 +54,15 @@ def test_rows_of_supports_are_left_out(tmp_path: Path, k: float, m: float, compo
     assert f"{held.size} rows have nothing but one number on the diagonal" in found.remarks[0]
 
 
-@pytest.mark.parametrize("own", [(1.0, 2.0), (0.0, 0.0)], ids=["springs", "no stiffness"])
-def test_masses_of_their_own_are_no_supports(own: tuple[float, float]) -> None:
-    """Two masses on springs to ground of unlike stiffness, or on none, are motions."""
+@pytest.mark.parametrize(
+    ("own", "mass"), [((1.0, 2.0), 1.0), ((4.0, 4.0), 3.0), ((0.0, 0.0), 1.0)], ids=["unlike", "alike", "no stiffness"]
+)
+def test_masses_of_their_own_are_no_supports(own: tuple[float, float], mass: float) -> None:
+    """Two masses on springs to ground, or on none, are motions."""
     table = DofTable(np.repeat([1, 2, 3], 2), np.tile([1, 2], 3))
     K = np.diag([0.0, 5.0, 0.0, 5.0, 0.0, 5.0])
     K[1::2, 1::2] = 5 * np.eye(3) - 1
     K[0, 0], K[2, 2] = own
-    parts = [LabelledMatrix(sp.csc_array(A), "a", Path("a.npz"), "numpy", 0.0, table) for A in (K, np.eye(6))]
+    parts = [LabelledMatrix(sp.csc_array(A), "a", Path("a.npz"), "numpy", 0.0, table) for A in (K, mass * np.eye(6))]
     left, _, held = without_support_rows(table, parts, None)
     assert (len(left), len(held)) == (6, 0)
