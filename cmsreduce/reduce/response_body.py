@@ -27,8 +27,10 @@ Complex = NDArray[np.complex128]
 _NEW = 1e-6
 # Directions of the richer model are dependent when the others leave this share of one's strain energy.
 _DEPENDENT = 1e-10
+# A mode of less mass than this share of the heaviest one's responds statically in any band.
+_NO_MASS = 1e-14
 # A mode above so many times the band responds statically within a millionth. It gets this frequency, with its
-# flexibility: stiffer modes would leave rounding in the soft ones of a system of several bodies.
+# flexibility and its damping: stiffer modes would leave rounding in the soft ones of a system of several bodies.
 _STATIC = 1e3
 # Responses are found without a factor of their own when their residual has this share of their strain energy's root: a
 # receptance then errs by the square. So many columns of a three-dimensional solid are solved for, with the products
@@ -183,7 +185,8 @@ class ResponseBody:
         """
         T, M = self._pencil(richer)
         mass, E = la.eigh(M)
-        mass, E = np.maximum(mass[::-1], (_STATIC * highest) ** -2), E[:, ::-1]
+        mass, E = np.maximum(mass[::-1], _NO_MASS * mass.max(initial=0.0)), E[:, ::-1]
+        own, mass = np.sqrt(mass), np.maximum(mass, (_STATIC * highest) ** -2)
         Y, r = T @ (E / np.sqrt(mass)), self.rigid.shape[1]
         elastic = 1 / np.sqrt(mass)
         omega = np.concatenate([np.zeros(r), elastic])
@@ -195,7 +198,7 @@ class ResponseBody:
             D = np.zeros((m, m))
             D[r:, r:] = Y.T @ self._damping(richer) @ Y
         elif self.body.damping.structural is None and self.body.damping.law != "none":
-            D = np.diag(np.concatenate([np.zeros(r), 2 * self.body.damping.ratios(elastic) * elastic]))
+            D = np.diag(np.concatenate([np.zeros(r), 2 * self.body.damping.ratios(1 / own) * own * elastic**2]))
         loss = None if self.body.damping.structural is None else np.diag(self.body.damping.structural * omega**2)
         ends = np.cumsum([0, *(rows.shape[0] for rows in self._alone.motion.values())])
         return replace(
