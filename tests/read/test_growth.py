@@ -1,41 +1,57 @@
-"""Files of many small parts: the time to read them grows as their number, not as its square."""
+"""Files of many small parts: passes over the whole file do not grow in number with the parts."""
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
+import scipy.sparse as sp
 
 from cmsreduce.read import deck_statement, matrix_names, read_followers, read_geometry
+from cmsreduce.read.nastran.cards.table import CardTable
 from tests.golden.calculix_bodies import Deck
 
 
-def test_a_punch_file_of_many_matrices(tmp_path: Path) -> None:
-    path, count = tmp_path / "many.pch", 4000
+def count_calls(monkeypatch: pytest.MonkeyPatch, owner: Any, name: str) -> list[str]:
+    """Names of the calls of a function, one for each call."""
+    calls: list[str] = []
+    original = getattr(owner, name)
+
+    def counted(*args: Any, **named: Any) -> Any:
+        calls.append(name)
+        return original(*args, **named)
+
+    monkeypatch.setattr(owner, name, counted)
+    return calls
+
+
+def test_a_punch_file_of_many_matrices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, count = tmp_path / "many.pch", 200
     path.write_text("".join(f"DMIG,M{k},0,6,2,0\nDMIG,M{k},1,1,,1,1,{k}.\n" for k in range(count)))
-    started = time.process_time()
+    passes = count_calls(monkeypatch, CardTable, "integers")
     assert [(info.name, info.rows) for info in matrix_names(path)] == [(f"M{k}", 1) for k in range(count)]
-    assert time.process_time() - started < 4.0
+    assert len(passes) < 20
 
 
-def test_a_chain_of_constraints(tmp_path: Path) -> None:
+def test_a_chain_of_constraints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each dof follows the one before it, by four shares in turn whose product is one."""
-    path, count = tmp_path / "body.bdf", 9000
+    path, count = tmp_path / "body.bdf", 250
     shares = (2.0, -1.0, -0.5, 1.0)
     cards = ["CEND", "MPC = 1", "BEGIN BULK", *(f"GRID,{k + 1},,{k}.,0.,0." for k in range(count))]
     cards += [f"MPC,1,{k + 1},1,1.,{k},1,{-shares[k % 4]}" for k in range(1, count)]
     path.write_text("\n".join(cards) + "\n")
     nodes = read_geometry(path).nodes
-    started = time.process_time()
+    products = count_calls(monkeypatch, sp.csr_array, "__matmul__")
     found = read_followers(path, nodes)
-    assert time.process_time() - started < 1.6
+    assert len(products) <= 2 * np.ceil(np.log2(count))
     np.testing.assert_array_equal(found.T.toarray().ravel(), np.cumprod([shares[k % 4] for k in range(1, count)]))
 
 
-def test_a_mesh_with_a_section_for_each_element(tmp_path: Path) -> None:
+def test_a_mesh_with_a_section_for_each_element(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bricks of one cubic metre and 2 kg."""
-    path, count = tmp_path / "mesh.inp", 1000
+    path, count = tmp_path / "mesh.inp", 100
     deck = Deck().solid("C3D8", (count, 1, 1), (count, 1.0, 1.0))
     deck.keywords = "*MATERIAL, NAME=HEAVY\n*DENSITY\n2.0\n"
     deck.keywords += "".join(
@@ -43,20 +59,20 @@ def test_a_mesh_with_a_section_for_each_element(tmp_path: Path) -> None:
     )
     path.write_text(deck.text().replace("ELSET=EC, MATERIAL", "ELSET=NONE, MATERIAL"))
     nodes = read_geometry(path).nodes
-    started = time.process_time()
+    passes = count_calls(monkeypatch, np, "isin")
     mass, _ = deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
-    assert time.process_time() - started < 2.0
+    assert len(passes) < 20
     assert mass is not None
     np.testing.assert_allclose(mass.mass, 2.0 * count)
 
 
-def test_a_deck_of_many_bushes(tmp_path: Path) -> None:
-    path, count = tmp_path / "body.bdf", 2500
+def test_a_deck_of_many_bushes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, count = tmp_path / "body.bdf", 100
     cards = ["BEGIN BULK", "PBUSH,1,K,1.,1.,1.,1.,1.,1.", "MAT1,1,2.+11,,.3,7850."]
     cards += [f"GRID,{k + 1},,{k}.,0.,0." for k in range(8 * count)]
     cards += [f"CBUSH,{k + 1},1,{8 * k + 1},{8 * k + 2},,,,0" for k in range(count)]
     path.write_text("\n".join(cards) + "\n")
     nodes = read_geometry(path).nodes
-    started = time.process_time()
+    passes = count_calls(monkeypatch, np, "ptp")
     deck_statement(path, nodes, np.ones(len(nodes), dtype=bool))
-    assert time.process_time() - started < 1.6
+    assert len(passes) < 20

@@ -49,6 +49,9 @@ _DAMPED_BANDS = 1.1
 _HELD_IN_MEMORY = 600
 # Damping ratio given to the peak of a mode without damping: the nearest point of the refined grid is this far from it.
 _NO_DAMPING = 5e-6
+# Actuators and sensors whose motions under their own efforts are solved together: all would take a square of their
+# number.
+_DRIVEN_TOGETHER = 64
 # Grids of one band end at the same frequency to rounding.
 _SAME_BAND = 1e-9
 
@@ -286,19 +289,13 @@ class AssembledModel:
         """
         Y = self.receptances(omega) if flexibility is None else flexibility
         wiring = self.held.wiring(self.wiring(configuration))
-        C = wiring.C1 + wiring.C2
-        y, u = C.shape[0], wiring.B.shape[0]
-        both = replace(
-            wiring,
-            B=np.vstack([wiring.B, C]),
-            C1=np.vstack([wiring.C1, C, wiring.B]),
-            C2=np.vstack([wiring.C2, np.zeros((y + u, C.shape[1]))]),
-        )
-        H = couple(Y, self.held.stack, [both], [omega])[0]
-        at_y = abs(H[:, np.arange(y, 2 * y), np.arange(u, u + y)])
-        at_u = abs(H[:, np.arange(2 * y, 2 * y + u), np.arange(u)])
+        y, rows = wiring.C1.shape[0], np.vstack([wiring.C1 + wiring.C2, wiring.B])
+        some = np.split(rows, range(_DRIVEN_TOGETHER, rows.shape[0], _DRIVEN_TOGETHER))
+        driven = [replace(wiring, B=each, C1=each, C2=np.zeros_like(each)) for each in some]
+        H, *own = couple(Y, self.held.stack, [wiring, *driven], [omega] * (1 + len(driven)))
+        at = abs(np.concatenate([np.diagonal(each, axis1=1, axis2=2) for each in own], axis=1))
         per_rate = np.where(wiring.C2.any(axis=1), omega[:, None], 1.0)
-        return H[:, :y, :u], np.sqrt(at_y[:, :, None] * at_u[:, None, :]) * per_rate[:, :, None]
+        return H, np.sqrt(at[:, :y, None] * at[:, None, y:]) * per_rate[:, :, None]
 
     @_with_parameters
     def modal_peaks(self, configuration: Configuration, zeta: NDArray[np.float64]) -> NDArray[np.float64]:

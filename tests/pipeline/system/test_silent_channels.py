@@ -1,10 +1,14 @@
 """Channels that are silent in the reference model: symmetric bodies have many, and rounding must not fail them."""
 
+import tracemalloc
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from cmsreduce.model import Channel
+from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.pipeline.system.model_errors import _frf_error, _share_alone
 from tests.assemble.rigs import at, strut
 from tests.pipeline.system.test_damped_peaks import HERE, hinged
@@ -51,3 +55,23 @@ def test_a_stretch_beside_rigid_motion_has_a_decibel_error() -> None:
     worse = SimpleNamespace(assembled=model.assembled.narrowed({"near": np.arange(8)}))
     (screened,) = comparison.screened([HERE], worse)  # type: ignore[arg-type]
     assert np.isfinite(screened).all() and screened[1] > 10 * errors.db_error
+
+
+def test_the_reach_of_many_sensors_is_that_of_each_alone() -> None:
+    """All together would take 100 MB for the responses of each to efforts on every other."""
+    axes = np.eye(6)
+    many = [at("far.b" if k % 5 else "near.a", axes[k % 6].tolist(), f"sensor {k}") for k in range(600)]
+    model = hinged(1.0, *many)[0].reference.assembled
+    tracemalloc.start()
+    _, reach = model.collocated(HERE, FEW)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 25e6
+    ((push,), sensors) = model.scene.actuators, model.scene.sensors
+
+    def own(channel: Channel) -> np.ndarray:
+        scene = replace(model.scene, actuators=(channel,), sensors=(channel,))
+        return abs(AssembledModel(model.substructures, scene).response(HERE, FEW)[:, 0, 0])
+
+    expected = np.sqrt([own(push) * own(sensor) for sensor in sensors[-7:]])
+    np.testing.assert_allclose(reach[:, -7:, 0], expected.T, rtol=1e-9)
