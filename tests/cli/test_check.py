@@ -268,6 +268,7 @@ BAD = {
     "unknown tolerance": (("--tolerance", "mac=0.9"), None, "--tolerance mac", "shape"),
     "no value": (("--tolerance", "frequency"), None, "--tolerance frequency", "KEY=VALUE"),
     "not a number": (("--max", "frf_error=nan"), None, "--max frf_error=nan", "KEY=VALUE"),
+    "decibels with another unit": (("--max", "db_error=1 Hz"), None, "--max db_error=1 Hz", "such as db_error=1"),
     "no limit at all": (("--max", "frf_error=inf"), None, "--max frf_error=inf", "finite number"),
     "per cent without a sign": (("--max", "frf_error=5"), None, "--max frf_error=5: 5 is 500 %", "write '500 %'"),
     "per cent in the file": ((), "max: {nrfd: 1}\n", "limits.yaml:1: 'nrfd': 1 is 100 %", "write '100 %'"),

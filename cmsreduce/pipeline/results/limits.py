@@ -99,7 +99,8 @@ def read_limits(file: Path | None, maxima: Sequence[str] = (), tolerances: Seque
     found = dict(limits.maxima)
     for text in maxima:
         key, value = _pair(text)
-        found[key] = (_maximum(key, value, f"--max {text}", _FORM.format("frf_error=0.05")), f"--max {key}")
+        example = "db_error=1" if key.endswith("db_error") else "frf_error=0.05"
+        found[key] = (_maximum(key, value, f"--max {text}", _FORM.format(example)), f"--max {key}")
     chosen = limits.tolerances
     for text in tolerances:
         key, value = _pair(text)
