@@ -26,6 +26,8 @@ relative to the decade of a number."""
 _RIGID_FACTOR = 1e4
 # Of a body that the ground holds, rows that resist no rigid motion show the rounding of K if they are such a share.
 _MOST_ROWS = 0.5
+# Beside them, a force of this share of its own terms is a support: digits of K or of coordinates leave less.
+_SUPPORTED = 1e-2
 
 
 class Geometric(NamedTuple):
@@ -63,8 +65,8 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
     share = _share(energy, np.einsum("ij,ij->j", sizes, parts[:, :-1]))
     # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
     limit = max(LEFT_BY_FILE * rounding, CONDENSATION)
-    rigid = unforced & is_rounding(share, limit)
     own, error = np.sqrt(abs(K.diagonal())), max(rounding, DOUBLE)
+    rigid = unforced & is_rounding(share, limit) & ~_supported(force, parts[:, :-1], own, LEFT_BY_FILE * error)
     if not rigid.any():
         away = (abs(force) <= LEFT_BY_FILE * error * parts[:, :-1]).all(axis=1)
         if away.mean() < _MOST_ROWS:
@@ -77,6 +79,20 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
     explained = 2 * PRINTED * error * parts[:, :-1][:, rigid] + max(ARITHMETIC, error) * scale
     coarse = bool((abs(force[:, rigid]) > explained).any())
     return Geometric(shapes[:, rigid], share[rigid], shapes[:, ~rigid], energy[~rigid], coarse)
+
+
+def _supported(force: Array, terms: Array, own: Array, left: float) -> NDArray[np.bool_]:
+    """True for shapes that few rows resist, as beside the clamp of a slender body, and all others do not.
+
+    The energy of such a shape is that of one element, far below the terms of all of them.
+    """
+    moved = terms > 0
+    quiet = np.count_nonzero(moved & (abs(force) <= left * terms), axis=0)
+    # Moments and forces compare over the root of the stiffness of their own dof, unless that is rounding itself.
+    sound = own > np.sqrt(left) * own.max(initial=0.0)
+    scale = own[:, None] * (terms[sound] / own[sound, None]).max(axis=0, initial=0.0)
+    loud = sound[:, None] & (abs(force) > np.maximum(_SUPPORTED * terms, left * scale))
+    return np.asarray((quiet > _MOST_ROWS * np.count_nonzero(moved, axis=0)) & loud.any(axis=0))
 
 
 def is_rounding(share: Array, left: float) -> NDArray[np.bool_]:

@@ -305,6 +305,15 @@ def test_bending_of_a_clamped_beam_is_no_mechanism(hinges):
     assert abs(K @ Phi).max(initial=0.0) < 1e-9 * abs(K).max()
 
 
+@pytest.mark.parametrize(("elements", "digits"), [(64, 6), (64, 8), (400, 8), (400, 11)])
+def test_a_clamp_shows_in_few_printed_digits(elements, digits):
+    """A rotation about the clamp strains one element: a share of h^3/4, below the last digit of all others."""
+    K, M, R = planar_beam(elements, held=(0, 1))
+    K.data = np.array([float(f"{value:.{digits - 1}e}") for value in K.data])
+    assert la.eigh(K.toarray(), M.toarray(), eigvals_only=True)[0] == pytest.approx(1.8751**4, rel=0.02)
+    assert rigid_body_modes(K, M, R, 0.5 * 10.0 ** (1 - digits), "beam").shape[1] == 0
+
+
 @pytest.mark.parametrize("size", [8, 120], ids=["dense", "sparse"])
 @pytest.mark.parametrize(
     ("pinned", "count"), [((), 6), ((0, 1, 2), 3), ((2, 3, 4), 3), ((0, 1, 2, 3, 4), 1), (tuple(range(6)), 0)]
