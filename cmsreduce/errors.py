@@ -2,6 +2,7 @@
 
 import os
 import re
+import stat
 from collections.abc import Iterable
 from difflib import get_close_matches
 from importlib import import_module
@@ -24,6 +25,7 @@ __all__ = [
     "UnitsError",
     "WriteError",
     "closest",
+    "is_device",
     "not_among",
     "optional_library",
     "refuse_device",
@@ -155,6 +157,15 @@ def optional_library(module: str, package: str, use: str) -> Any:
         ) from error
 
 
+def is_device(path: Path) -> bool:
+    """True for a device or a pipe; by one look, since another process may make or remove a file between two."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
 def refuse_device(path: Path) -> None:
     """Refuse a device or a pipe in the place of a file to read: its end may never come.
 
@@ -163,7 +174,7 @@ def refuse_device(path: Path) -> None:
     ReadError
         If the path is one.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):
+    if is_device(path):
         raise ReadError(f"{path}: is a device or a pipe, not a file; write its content to a file")
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.errors import WriteError
+from cmsreduce.errors import WriteError, is_device
 from cmsreduce.model import CHECKSUM, Units, add_dataset, checksum
 
 __all__ = [
@@ -74,7 +74,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # A rename over a device or a pipe would remove it, and /dev/stdout is a link that all programs need.
-        if path.is_dir() or path.absolute().parent == _DEVICES or not (path.is_file() or not path.exists()):
+        if path.is_dir() or path.absolute().parent == _DEVICES or is_device(path):
             kind = "a folder" if path.is_dir() else "a device or a pipe"
             raise WriteError(f"{path} cannot be written: it is {kind}, not a file. Nothing was changed; {_OTHER_NAME}")
         _sweep(path)

@@ -110,6 +110,20 @@ def test_writers_of_one_file_do_not_meet(tmp_path):
     assert names(tmp_path) == ["result.txt"]
 
 
+def test_a_file_that_another_writer_makes_between_two_looks_is_no_device(tmp_path, monkeypatch):
+    path, look = tmp_path / "result.txt", Path.is_file
+
+    def made_after(self: Path) -> bool:
+        found = look(self)
+        path.touch()
+        return found
+
+    monkeypatch.setattr(Path, "is_file", made_after)
+    with atomic_path(path) as temporary:
+        temporary.write_text("whole")
+    assert path.read_text() == "whole"
+
+
 def test_a_folder_that_cannot_be_made_is_said_clearly(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(WriteError, match=r"x\.json cannot be written"), atomic_path(tmp_path / "file" / "x.json"):
