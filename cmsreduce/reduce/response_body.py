@@ -186,7 +186,7 @@ class ResponseBody:
         T, M = self._pencil(richer)
         mass, E = la.eigh(M)
         mass, E = np.maximum(mass[::-1], _NO_MASS * mass.max(initial=0.0)), E[:, ::-1]
-        own, mass = np.sqrt(mass), np.maximum(mass, (_STATIC * highest) ** -2)
+        period, mass = np.sqrt(mass), np.maximum(mass, (_STATIC * highest) ** -2)
         Y, r = T @ (E / np.sqrt(mass)), self.rigid.shape[1]
         elastic = 1 / np.sqrt(mass)
         omega = np.concatenate([np.zeros(r), elastic])
@@ -198,7 +198,7 @@ class ResponseBody:
             D = np.zeros((m, m))
             D[r:, r:] = Y.T @ self._damping(richer) @ Y
         elif self.body.damping.structural is None and self.body.damping.law != "none":
-            D = np.diag(np.concatenate([np.zeros(r), 2 * self.body.damping.ratios(1 / own) * own * elastic**2]))
+            D = np.diag(np.concatenate([np.zeros(r), 2 * self.body.damping.ratios(1 / period) * period * elastic**2]))
         loss = None if self.body.damping.structural is None else np.diag(self.body.damping.structural * omega**2)
         ends = np.cumsum([0, *(rows.shape[0] for rows in self._alone.motion.values())])
         return replace(
