@@ -105,9 +105,9 @@ def test_a_change_of_an_included_file_is_seen(opened: Callable[..., Run], study:
 def test_a_damaged_proof_is_made_anew(opened: Callable[..., Run], study: Path) -> None:
     path = study.parent / "out" / "stages" / "arm.read.h5"
     content = bytearray(path.read_bytes())
-    # A number of the stiffness.
+    # A number of the matrices.
     with h5py.File(path) as file:
-        at = file["parts.1.data"].id.get_chunk_info(0).byte_offset
+        at = file["short.f8"].id.get_chunk_info(0).byte_offset
     content[at + 6] ^= 1
     path.write_bytes(content)
     run = opened()

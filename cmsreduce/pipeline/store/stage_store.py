@@ -44,8 +44,11 @@ STAGES_FOLDER = "stages"
 STAGE_FORMAT = "cmsreduce-stage"
 """Attribute ``format`` of the file of a finished stage."""
 
-# Dataset with the facts that are no arrays; no array has this name.
-_FACTS = "facts."
+# Datasets with the facts that are no arrays, and with the places of short vectors in those that hold all of one type;
+# no array has these names.
+_FACTS, _PLACES, _SHORT = "facts.", "places.", "short."
+# Vectors of so many bytes or fewer lie in one dataset: thousands of channels have zeros in each configuration.
+_SHORT_BYTES = 4096
 # File in the folder of a run's stages with the path of the shared folder.
 _POINTER = "shared.json"
 # Hexadecimal digits of a key in the name of a file: 80 bits; the file holds the whole key.
@@ -161,8 +164,8 @@ class StageStore:
 
         def everything(file: Any) -> tuple[Arrays, dict[str, Any]]:
             # Reading a dataset compares its checksum.
-            arrays = {name: _array(file.filename, dataset) for name, dataset in file.items() if name != _FACTS}
-            return arrays, _facts(file)
+            own = {*json.loads(file.attrs["names"])}
+            return {name: _array(file.filename, file[name]) for name in own} | _short_arrays(file), _facts(file)
 
         found: tuple[Arrays, dict[str, Any]] | None = self._read(stage, what, key, everything)
         return found
@@ -186,11 +189,14 @@ class StageStore:
         with hdf5_file(path, large) as file:
             file.attrs["format"] = STAGE_FORMAT
             file.attrs["key"] = key
-            file.attrs["names"] = json.dumps(sorted(arrays))
-            # A dataset, because HDF5 bounds the size of attributes.
+            short = {name: each for name, each in arrays.items() if name not in large and _is_short(each)}
+            file.attrs["names"] = json.dumps(sorted(arrays.keys() - short.keys()))
+            together, places = _together(short)
+            # Datasets, because HDF5 bounds the size of attributes.
             put_texts(file, _FACTS, [json.dumps(facts, sort_keys=True)])
-            for name, array in arrays.items():
-                if name in large:
+            put_texts(file, _PLACES, [json.dumps(places)])
+            for name, array in {**arrays, **together}.items():
+                if name in large or name in short:
                     continue
                 value = np.asarray(array)
                 filtered = {"fletcher32": True} if value.size else {}
@@ -252,7 +258,7 @@ class StageStore:
             with h5py.File(path, "r") as file:
                 if file.attrs.get("key") != key:
                     return None
-                if {*json.loads(file.attrs["names"]), _FACTS} != set(file):
+                if not {*json.loads(file.attrs["names"]), _FACTS, _PLACES} <= set(file):
                     raise KeyError("not all of its arrays are there")
                 return content(file)
         except _DAMAGE as error:
@@ -265,6 +271,31 @@ class StageStore:
 def _facts(file: Any) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(file[_FACTS][0])
     return found
+
+
+def _is_short(array: NDArray[Any]) -> bool:
+    return array.ndim == 1 and array.nbytes <= _SHORT_BYTES
+
+
+def _together(arrays: Mapping[str, NDArray[Any]]) -> tuple[Arrays, dict[str, tuple[str, int, int]]]:
+    """Vectors of one type as one, by the dataset that holds it, and of each its dataset and first and last place."""
+    parts: dict[str, list[NDArray[Any]]] = {}
+    places: dict[str, tuple[str, int, int]] = {}
+    ends: dict[str, int] = {}
+    for name, array in arrays.items():
+        dataset = f"{_SHORT}{array.dtype.str[1:]}"
+        first = ends.get(dataset, 0)
+        ends[dataset] = first + array.size
+        places[name] = dataset, first, ends[dataset]
+        parts.setdefault(dataset, []).append(array)
+    return {dataset: np.concatenate(each) for dataset, each in parts.items()}, places
+
+
+def _short_arrays(file: Any) -> Arrays:
+    """Arrays of `_together`."""
+    places = json.loads(file[_PLACES][0])
+    values = {dataset: file[dataset][()] for dataset in {at[0] for at in places.values()}}
+    return {name: values[dataset][first:last] for name, (dataset, first, last) in places.items()}
 
 
 def _array(path: str, dataset: Any) -> NDArray[Any]:

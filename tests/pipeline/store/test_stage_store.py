@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -18,7 +19,7 @@ from cmsreduce.pipeline.store import share_stages, stage_key
 from cmsreduce.pipeline.store.stage_store import StageStore
 
 KEY = stage_key("reduce", "anything")
-ARRAYS = {"Phi": np.arange(60.0).reshape(12, 5), "none": np.zeros((0, 3))}
+ARRAYS = {"Phi": np.arange(600.0).reshape(12, 50), "omega": np.arange(50.0), "none": np.zeros((0, 3))}
 FACTS = {"method": "guyan", "seconds": 1.5}
 
 WRITER = """
@@ -67,6 +68,21 @@ def test_a_run_and_its_shared_folder_move_together(shared: Path, tmp_path: Path)
     for name in ("run", "common"):
         (tmp_path / name).rename(tmp_path / "moved" / name)
     assert StageStore(tmp_path / "moved" / "run").facts("reduce", "rotor", KEY) == FACTS
+
+
+def test_thousands_of_short_vectors_take_few_datasets(tmp_path: Path) -> None:
+    """A scene of 60 actuators and 60 sensors has 3600 arrays of zeros in each configuration."""
+    kinds = (np.float64, np.int64, np.bool_, np.complex128)
+    arrays = {f"zeros.{k}": np.full(k % 5, k, dtype=kinds[k % 4]) for k in range(3600)}
+    arrays |= {"long": np.arange(1000.0), "turned": np.arange(6.0).reshape(2, 3).T}
+    store = StageStore(tmp_path)
+    with h5py.File(store.save("verify", "system", KEY, arrays, FACTS)) as file:
+        assert len(file) == 8
+    found = store.load("verify", "system", KEY)
+    assert found is not None and found[0].keys() == arrays.keys()
+    for name, array in arrays.items():
+        assert found[0][name].dtype == array.dtype
+        np.testing.assert_array_equal(found[0][name], array)
 
 
 @pytest.mark.parametrize("share", [False, True])
