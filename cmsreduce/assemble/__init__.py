@@ -18,7 +18,7 @@ from cmsreduce.assemble.modes import check_closed_loop, closed_loop_modes, dampe
 from cmsreduce.assemble.outboard_mass import outboard_loading, outboard_masses
 from cmsreduce.assemble.placement import joint_arms, joint_tree, motion_axes, place_bodies
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.ports import Ports, body_points, body_ports
+from cmsreduce.assemble.ports import Ports, body_points, body_ports, rows_on_body
 from cmsreduce.assemble.response import (
     Change,
     JoinedRows,
@@ -89,6 +89,7 @@ __all__ = [
     "reduced_substructure",
     "rigid_response",
     "rigid_substructure",
+    "rows_on_body",
     "state_space",
     "system_modes",
     "tabulated",

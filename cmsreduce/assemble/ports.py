@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import SceneError
 from cmsreduce.model import SCALAR, Channel, FEModel, Point, PointTerm, Scene, StrutTerm, dof_index
 
-__all__ = ["Ports", "body_points", "body_ports"]
+__all__ = ["Ports", "body_points", "body_ports", "rows_on_body"]
 
 Array = NDArray[np.float64]
 
@@ -112,6 +112,19 @@ def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> 
         _stacked(rates, body.n),
         _columns(wanted, body.n),
     )
+
+
+def rows_on_body(body: FEModel, channel: Channel) -> list[Array]:
+    """Rows of forces or motions of one channel over the dofs of one body; none if it does not act there.
+
+    Parameters
+    ----------
+    body : FEModel
+        In the scene's units.
+    channel : Channel
+        Of the scene. The line to another body turns with the joints: it has three rows at its end.
+    """
+    return [each.row for each in _channels(body, [channel])]
 
 
 @dataclass(frozen=True, eq=False)

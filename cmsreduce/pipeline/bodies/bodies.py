@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
+from cmsreduce.assemble import Ports, body_points, modal_substructure, physical_substructure, rows_on_body
 from cmsreduce.config import Pipeline
 from cmsreduce.linalg.sparse import motions_held
 from cmsreduce.mechanics import Determined
@@ -253,15 +253,11 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
     # Dense, for static solutions that are dense, too: one column a motion that is measured, driven or joined. The
     # static shapes of a basis are as many.
     body, found = flexible.body, []
-    bare = replace(scene, actuators=(), sensors=())
     for sensor in scene.sensors:
-        ports = body_ports(body, replace(bare, sensors=(sensor,)))
-        rows = sp.csr_array(sp.vstack([ports.displacements, ports.rates])).toarray()
-        found += [(f"sensor '{sensor.name}'", row) for row in rows]
+        found += [(f"sensor '{sensor.name}'", row) for row in rows_on_body(body, sensor)]
     if joints:
         for actuator in scene.actuators:
-            ports = body_ports(body, replace(bare, actuators=(actuator,)), ("actuators",))
-            found += [(f"actuator '{actuator.name}'", load) for load in ports.loads.T]
+            found += [(f"actuator '{actuator.name}'", row) for row in rows_on_body(body, actuator)]
         units = {
             face: sp.eye_array(body.n, format="csr")[body.interface_rows(face)].toarray() for face in body.interfaces
         }
