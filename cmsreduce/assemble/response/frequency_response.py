@@ -11,8 +11,15 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.held_bodies import held_bodies
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.response.by_modes import ByModes
 from cmsreduce.assemble.response.joint_chains import joint_chain
-from cmsreduce.assemble.response.receptance import DAMPED_RIGID, Receptance, add_between, frequencies_last, receptance
+from cmsreduce.assemble.response.receptance import (
+    DAMPED_RIGID,
+    Receptance,
+    add_between,
+    frequencies_last,
+    receptance,
+)
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.linalg.blocks import dense, svd
@@ -135,7 +142,13 @@ def _from_receptances(
         np.empty((grid.size, each.outputs, each.shape[1] - each.c), dtype=np.complex128)
         for each, grid in zip(joined, grids, strict=True)
     ]
-    entries = sum(place.size**2 for place in columns.values())
+    direct = {
+        name: of
+        for name, of in receptances.items()
+        if isinstance(of, ByModes)
+        and of.has_fewer((each.left[:, columns[name]], each.right[:, columns[name]]) for each in joined)
+    }
+    entries = sum(place.size**2 for name, place in columns.items() if name not in direct)
     entries += 3 * sum(each.shape[0] * each.shape[1] for each in joined)
     for part in frequency_blocks(every.size, 16 * entries, _BLOCK_BYTES * min(len(joined), _OF_SEVERAL)):
         omega = every[part]
@@ -144,7 +157,12 @@ def _from_receptances(
         local = [place[own] - part.start for place, own in zip(places, inside, strict=True)]
         G = [np.zeros((*each.shape, own.size), dtype=np.complex128) for each, own in zip(joined, inside, strict=True)]
         for name, receptance_of in receptances.items():
-            Y, here = frequencies_last(receptance_of(omega)), columns[name]
+            here = columns[name]
+            if name in direct:
+                for each, at, into in zip(joined, local, G, strict=True):
+                    direct[name].add(into, each.left[:, here], each.right[:, here], omega[at])
+                continue
+            Y = frequencies_last(receptance_of(omega))
             for each, at, into in zip(joined, local, G, strict=True):
                 own_Y = Y if np.array_equal(at, whole) else np.ascontiguousarray(Y[..., at])
                 add_between(into, each.left[:, here], own_Y, each.right[:, here])

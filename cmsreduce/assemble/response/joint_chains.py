@@ -15,7 +15,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.response.receptance import Receptance, add_between, frequencies_last
+from cmsreduce.assemble.response.receptance import Receptance, add_flexibility
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows
 from cmsreduce.linalg.response import frequency_blocks
 
@@ -83,7 +83,7 @@ class JointChain:
             left, right = self.joined.left[:, own], self.joined.right[:, own]
             row, column = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
             G = np.zeros((row.size, column.size, f), dtype=np.complex128)
-            add_between(G, left[row], frequencies_last(receptances[name](omega)), right[column])
+            add_flexibility(G, left[row], receptances[name], right[column], omega)
             G = G.transpose(2, 0, 1)
             i, j = np.searchsorted(row, c), np.searchsorted(column, c)
             at, to = self.place[row[:i]], self.place[column[:j]]

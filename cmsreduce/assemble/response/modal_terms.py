@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cmsreduce.assemble.response.receptance import resonant
+from cmsreduce.assemble.response.by_modes import resonant
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import ResonanceError
 from cmsreduce.model import Substructure

@@ -16,7 +16,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.response.receptance import is_diagonal
+from cmsreduce.assemble.response.by_modes import is_diagonal
 from cmsreduce.assemble.system import balanced_rigid
 from cmsreduce.linalg.blocks import dense, svd
 from cmsreduce.linalg.eigen import null_space

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.response.by_modes import FEWER, ByModes, is_diagonal, resonant
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import (
@@ -28,12 +29,10 @@ __all__ = [
     "DAMPED_RIGID",
     "Receptance",
     "add_between",
+    "add_flexibility",
     "frequencies_last",
-    "is_diagonal",
-    "modal_weights",
     "receptance",
     "receptances",
-    "resonant",
     "tabulated",
 ]
 
@@ -80,7 +79,7 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
     """
     L = dense(motions)
     if is_diagonal(sub):
-        return _named(sub, partial(_by_modes, sub, L))
+        return ByModes(sub, L)
     load, rigid = _elastic_load(sub, L)
     if sub.rigid.shape[1] == sub.m and not _damps_rigid_motion(sub):
         return _named(sub, partial(_rigid, rigid))
@@ -150,14 +149,26 @@ def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
     rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
     if not (rows.size and columns.size and Y.size):
         return
-    p, _, f = Y.shape
-    half = (left[rows] @ Y.view(np.float64).reshape(p, -1)).reshape(rows.size, p, 2 * f)
+    # With many sensors, most motions are measured and few are loaded.
+    moved, loaded = (np.flatnonzero(side.any(axis=0)) for side in (left, right))
+    if FEWER * moved.size * loaded.size <= Y.shape[0] * Y.shape[1]:
+        left, right, Y = left[:, moved], right[:, loaded], Y[np.ix_(moved, loaded)]
+    p, q, f = Y.shape
+    half = (left[rows] @ Y.view(np.float64).reshape(p, -1)).reshape(rows.size, q, 2 * f)
     both = right[columns] @ half
     # Selected rows and columns would be copied before and after the sum.
     if both.size == 2 * G.size:
         G.view(np.float64)[...] += both
     else:
         G[np.ix_(rows, columns)] += both.view(np.complex128)
+
+
+def add_flexibility(G: Complex, left: Real, of: Receptance, right: Real, omega: Real) -> None:
+    """Add left Y right^T to an array (l, r, f), with the receptance Y of a body at frequencies (f,) in rad/s."""
+    if isinstance(of, ByModes) and of.has_fewer([(left, right)]):
+        of.add(G, left, right, omega)
+    else:
+        add_between(G, left, frequencies_last(of(omega)), right)
 
 
 def frequencies_last(Y: Complex) -> Complex:
@@ -173,52 +184,6 @@ def _named(sub: Substructure, at: Receptance) -> Receptance:
             raise resonant(sub, error) from None
 
     return named
-
-
-def resonant(sub: Substructure, error: ResonanceError) -> MatrixError:
-    """Error for a body without damping that is driven at its resonance, or at 0 Hz where it moves freely."""
-    if error.omega == 0:
-        return MatrixError(
-            f"body '{sub.name}' can move freely, so its response at 0 Hz is infinite; take frequencies above zero"
-        )
-    return MatrixError(
-        f"body '{sub.name}' has no damping and resonates at {error.omega / 2 / np.pi:.6g} Hz, where its "
-        "response is infinite; give it `damping:`, or move the frequency grid"
-    )
-
-
-def modal_weights(sub: Substructure, omega: Real, columns: NDArray[np.int64] | None = None) -> Complex:
-    """Amplitudes of the modes of a body under unit modal forces (f, m), or of some uncoupled ones (f, k).
-
-    Raises
-    ------
-    ResonanceError
-        If a frequency hits a mode without damping.
-    """
-    own = slice(None) if columns is None else columns
-    m, k = _diagonal(sub.M)[own], _diagonal(sub.K)[own]
-    d = _diagonal(sub.D)[own] if sub.D is not None else np.zeros(m.size)
-    g = _diagonal(sub.loss)[own] if sub.loss is not None else np.zeros(m.size)
-    real, imaginary = k[:, None] - m[:, None] * omega**2, g[:, None] + d[:, None] * omega
-    square = real**2 + imaginary**2
-    if not square.all():
-        raise ResonanceError(float(omega[(square == 0).any(axis=0)][0]))
-    weights = np.empty(square.shape, dtype=np.complex128)
-    np.divide(real, square, out=weights.real)
-    np.divide(-imaginary, square, out=weights.imag)
-    return weights.T
-
-
-def _by_modes(sub: Substructure, L: Real, omega: Real) -> Complex:
-    p = L.shape[0]
-    Y = np.empty((p, p, omega.size), dtype=np.complex128)
-    row, column = np.triu_indices(p)
-    for part in frequency_blocks(omega.size, 16 * 3 * sub.m, _CACHED_BYTES):
-        weights = modal_weights(sub, omega[part]).T.view(np.float64)
-        for pairs in frequency_blocks(row.size, 8 * (sub.m + weights.shape[1]), _CACHED_BYTES):
-            a, b = row[pairs], column[pairs]
-            Y[a, b, part] = Y[b, a, part] = ((L[a] * L[b]) @ weights).view(np.complex128)
-    return Y.transpose(2, 0, 1)
 
 
 def _rigid(rigid: Real, omega: Real) -> Complex:
@@ -285,15 +250,3 @@ def _damps_rigid_motion(sub: Substructure) -> bool:
         return False
     size = spla.norm(sp.csc_array(sub.D), 1) * abs(sub.rigid).max(initial=0.0)
     return bool(abs(sub.D @ sub.rigid).max(initial=0.0) > DAMPED_RIGID * size)
-
-
-def is_diagonal(sub: Substructure) -> bool:
-    """Tell if a body is in uncoupled modes."""
-    parts = [part for part in (sub.M, sub.K, sub.D, sub.loss) if part is not None]
-    if sub.omega is None:
-        return False
-    return all(sp.csc_array(part).nnz == np.count_nonzero(_diagonal(part)) for part in parts)
-
-
-def _diagonal(A: Matrix) -> Real:
-    return np.asarray(A.diagonal())

@@ -19,6 +19,7 @@ from cmsreduce.assemble import (
     state_space,
     wire,
 )
+from cmsreduce.assemble.response.by_modes import ByModes
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.response import DynamicStiffness
 from cmsreduce.model import SCALAR, Configuration, Damping, DofTable, FEModel, Placement, Point, Scene, System
@@ -199,6 +200,43 @@ def test_only_motions_that_a_scene_uses_are_solved(monkeypatch):
     assert loads == [2, 2]
     expected = direct(assemble(subs, scene, scene.configurations[0]), w)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * abs(expected).max())
+
+
+@pytest.mark.parametrize("damping", ["modal", "matrix"])
+def test_many_sensors_ask_for_their_own_responses_alone(damping, monkeypatch):
+    """Receptances between all motions that are measured grow with the square of the sensors; here none is formed."""
+
+    def whole(*_):
+        raise AssertionError("receptances between all points")
+
+    law = DAMPINGS[damping] or Damping()
+    nodes = {f"p{node}": node for node in range(1, 10)}
+    options = {"damping": law, "interfaces": nodes}
+    bars = [line(name, [x, 0, 0], [x + 1, 0, 0], 8, **options) for name, x in (("left", 0), ("right", 1))]
+    subs = {bar.name: modal(bar) for bar in bars}
+    if damping == "matrix":
+        subs["left"] = physical(replace(bars[0], D=sp.csc_array(1e-5 * bars[0].K + 0.1 * bars[0].M)))
+    sensors = tuple(
+        at(f"{name}.{node}", axis, f"{name}{node}", rate=axis == "ry")
+        for node in nodes
+        for name, axis in (("left", "z"), ("right", "ry"))
+    )
+    scene = Scene(
+        tuple(subs),
+        (0.0, 600.0),
+        (joint("hinge", "left.p9", "right.p1", "ry"),),
+        (Configuration("straight", {("hinge", 4): 0.0}), Configuration("bent", {("hinge", 4): 0.7})),
+        actuators=(at("left.p1", "z"), in_joint("hinge", "ry")),
+        sensors=sensors,
+    )
+    stack = PointStack(subs)
+    monkeypatch.setattr(ByModes, "__call__", whole)
+    wirings = [wire(stack, scene, each) for each in scene.configurations]
+    grids = [OMEGA, OMEGA[::3]]
+    found = couple(body_receptances(stack, OMEGA), stack, wirings, grids)
+    for H, each, w in zip(found, scene.configurations, grids, strict=True):
+        expected = direct(assemble(subs, scene, each), w)
+        assert (abs(H - expected).max(axis=0) < 1e-8 * abs(expected).max(axis=0)).all()
 
 
 def test_receptances_hold_for_every_setting():
