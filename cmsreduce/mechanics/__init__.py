@@ -21,7 +21,7 @@ from cmsreduce.mechanics.integrator_steps import ACCURACIES, INTEGRATORS, advise
 from cmsreduce.mechanics.lumped_mass import lumped_mass, moves_generalised, untied_body
 from cmsreduce.mechanics.mass_points import MassPoints, mass_points, points_of_lumps
 from cmsreduce.mechanics.modal_integrals import CROSS, energies, modal_integrals, rigid_mass, spinning_modes
-from cmsreduce.mechanics.pieces import check_connected
+from cmsreduce.mechanics.pieces import check_connected, rows_alone
 from cmsreduce.mechanics.places import places_by_stiffness
 from cmsreduce.mechanics.simulation_cost import IMPLICIT, cost, longest_steps, step_operations
 from cmsreduce.mechanics.ties import Tie, tie_nodes
@@ -62,6 +62,7 @@ __all__ = [
     "of_combined_modes",
     "refuse_gain",
     "refuse_overdamped",
+    "rows_alone",
     "rigid_mass",
     "rigid_mass_matrix",
     "spinning_modes",

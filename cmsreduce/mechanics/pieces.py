@@ -1,4 +1,4 @@
-"""Bodies in several pieces, and rows that have neither stiffness nor mass."""
+"""Bodies in several pieces, and rows that share nothing with others or have neither stiffness nor mass."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.model import FEModel
+from cmsreduce.model import SCALAR, FEModel
 
-__all__ = ["check_connected", "parts"]
+__all__ = ["check_connected", "parts", "rows_alone"]
 
 # Rigid motions of a body that is free in all directions.
 _ALL_MOTIONS = 6
@@ -39,6 +39,20 @@ def _connected(A: sp.csc_array) -> NDArray[np.int64]:
     return np.asarray(csgraph.connected_components(A.T, directed=True, connection="strong")[1], dtype=np.int64)
 
 
+def rows_alone(body: FEModel) -> tuple[NDArray[np.int64], str]:
+    """Rows with a stiffness and a mass of their own and nothing beside them (k,), and words on them; empty without."""
+    own = [(_entries(A) == 1) & (A.diagonal() > 0) for A in (body.K, body.M)]
+    rows = np.flatnonzero(own[0] & own[1] & (body.dofs.component != SCALAR))
+    if not rows.size:
+        return rows, ""
+    return rows, (
+        f"{rows.size} rows have a stiffness and a mass of their own and share neither with others "
+        f"({', '.join(body.dofs[rows[:_NAMED_PARTS]].labels)}{' ...' if rows.size > _NAMED_PARTS else ''}). If they "
+        "are supports of which the program kept the diagonal (DIAG_KEEP of MFEM), write 1 there in both matrices "
+        "(DIAG_ONE), or leave these rows out"
+    )
+
+
 def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) -> None:
     """Refuse a body in several pieces, or with rows that have neither stiffness nor mass.
 
@@ -58,7 +72,7 @@ def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) ->
     nodes, moving = np.unique(body.dofs.node).size, (body.dofs.component > 0) & (body.dofs.component <= 3)
     if proven is not None and proven.shape[1] == _ALL_MOTIONS and nodes > 2 and moving.sum() == 3 * nodes:
         return
-    empty = np.flatnonzero(_without_entries(body.K) & _without_entries(body.M))
+    empty = np.flatnonzero((_entries(body.K) == 0) & (_entries(body.M) == 0))
     if empty.size:
         raise MatrixError(
             f"body '{body.name}': {empty.size} dofs have neither stiffness nor mass, the first is "
@@ -74,6 +88,9 @@ def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) ->
     if count > 1:
         sizes = np.bincount(part)
         order = np.argsort(-sizes)
+        alone, why = rows_alone(body)
+        if why and np.isin(np.flatnonzero(part != order[0]), alone).all():
+            raise MatrixError(f"body '{body.name}' is not one piece: {why}; masses that are meant are components")
         named = [
             f"{len(np.unique(body.dofs.node[part == p]))} nodes around node {body.dofs.node[part == p][0]}"
             for p in order[:_NAMED_PARTS]
@@ -85,7 +102,6 @@ def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) ->
         )
 
 
-def _without_entries(A: sp.csc_array) -> NDArray[np.bool_]:
-    """True for each column of zeros (n,)."""
-    filled = np.concatenate([[0], np.cumsum(A.data != 0)])[A.indptr]
-    return np.asarray(np.diff(filled) == 0)
+def _entries(A: sp.csc_array) -> NDArray[np.int64]:
+    """Number of entries of each column that are not zero (n,)."""
+    return np.diff(np.concatenate([[0], np.cumsum(A.data != 0)])[A.indptr])

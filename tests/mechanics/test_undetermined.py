@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.eigen import elastic_pairs, only_motions, rigid_body_modes
 from cmsreduce.mechanics import check_connected, hold_undetermined
-from cmsreduce.mechanics.pieces import parts
+from cmsreduce.mechanics.pieces import parts, rows_alone
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, Source, rigid_body_shapes
 from tests.frames import BAR, Section, beam_matrices, frame, line, rotation
 from tests.plates import isotropic_laminate, plate_body
@@ -267,6 +267,24 @@ def test_pieces_are_named():
         MatrixError, match=r"'bars' is not one piece: 2 parts .*3 nodes around node 1; 2 nodes around node 4"
     ):
         check_connected(body)
+
+
+@pytest.mark.parametrize("components", [range(6), [0]], ids=["whole node", "one component"])
+def test_rows_that_keep_their_own_diagonal_are_named(components):
+    """A program that takes a support out of the equations may leave its stiffness and mass on the diagonal."""
+    body = frame("bar", FIVE, [(1, 2), (2, 3), (3, 4), (4, 5)])
+    K, M = body.K.toarray(), body.M.toarray() + 0.1 * np.eye(body.n)
+    for row in components:
+        for A in (K, M):
+            own = A[row, row]
+            A[row], A[:, row], A[row, row] = 0.0, 0.0, own
+    kept = replace(body, K=sp.csc_array(K), M=sp.csc_array(M))
+    rows, words = rows_alone(kept)
+    assert rows.tolist() == list(components)
+    assert words.startswith(f"{len(rows)} rows have a stiffness and a mass of their own")
+    if len(rows) == 6:
+        with pytest.raises(MatrixError, match=r"'bar' is not one piece: 6 rows .*\(1\.1, 1\.2.*DIAG_ONE"):
+            check_connected(kept)
 
 
 def test_mass_couples_too():

@@ -10,6 +10,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from cmsreduce.errors import DofMapError
 from cmsreduce.model import DofTable, FEModel
 from cmsreduce.read import MatrixSource, prove_row_order, read_body
 from cmsreduce.read.held_dofs import without_support_rows
@@ -66,3 +67,13 @@ def test_masses_of_their_own_are_no_supports(own: tuple[float, float], mass: flo
     parts = [LabelledMatrix(sp.csc_array(A), "a", Path("a.npz"), "numpy", 0.0, table) for A in (K, mass * np.eye(6))]
     left, _, held = without_support_rows(table, parts, None)
     assert (len(left), len(held)) == (6, 0)
+
+
+def test_empty_rows_that_explain_the_forces_are_named(tmp_path: Path) -> None:
+    body = block("bar", [1.0, 0.3, 0.2], [4, 2, 2])
+    assert body.nodes is not None
+    end = body.nodes.id[body.nodes.xyz[:, 0] == body.nodes.xyz[:, 0].min()]
+    for components in ((1,), (1, 2, 3)):
+        held = np.flatnonzero(np.isin(body.dofs.node, end) & np.isin(body.dofs.component, components))
+        with pytest.raises(DofMapError, match=rf"Likely cause: {held.size} rows of the stiffness are empty"):
+            with_support_rows(held, 0.0, 0.0, tmp_path)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cmsreduce.config import Pipeline
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import DEPENDENT, only_motions, rigid_body_modes
-from cmsreduce.mechanics import check_connected, hold_undetermined
+from cmsreduce.mechanics import check_connected, hold_undetermined, rows_alone
 from cmsreduce.model import Failure, FEModel, Finding, Proof, Scene, in_units, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
@@ -169,7 +169,8 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
         notes.append(f"{name}: {doubtful}")
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
-    notes += [note for note in (unused, determined.note) if note]
+    alone = rows_alone(body)[1]
+    notes += [note for note in (unused, determined.note, alone and f"{name}: {alone}") if note]
     # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
     shown = None
     if proof.status == "proven" and proof.motions and not determined.held:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -141,7 +142,34 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
         return RowOrderProof("scalar", remark="all dofs are scalar, so rigid motion proves nothing")
     if body.nodes is None:
         return RowOrderProof("no geometry", remark="without coordinates the row order cannot be proven")
-    geometry, condensed = body.nodes, is_condensed(body)
+    try:
+        return _by_rigid_motions(body, body.nodes)
+    except DofMapError as error:
+        if (cause := _emptied_supports(body, body.nodes)) is None:
+            raise
+        raise DofMapError(f"{str(error).partition('. Likely cause')[0]}. Likely cause: {cause}") from None
+
+
+def _emptied_supports(body: FEModel, nodes: Nodes) -> str | None:
+    """Cause of a failed proof if rows without stiffness explain it: with these dofs held, the others are in order."""
+    empty = np.flatnonzero(np.diff(np.concatenate([[0], np.cumsum(body.K.data != 0)])[body.K.indptr]) == 0)
+    dofs = body.dofs[empty]
+    dofs = dofs[np.isin(dofs.node, dofs.node[(dofs.component > 0) & (dofs.component <= _TRANSLATIONS)])]
+    if not len(dofs):
+        return None
+    held = dofs if body.constrained is None else body.constrained.joined(dofs)
+    with contextlib.suppress(DofMapError):
+        if _by_rigid_motions(replace(body, constrained=held), nodes).status == "proven":
+            return (
+                f"{len(dofs)} rows of the stiffness are empty ({', '.join(dofs.labels[:_NAMED])}"
+                f"{' ...' if len(dofs) > _NAMED else ''}), as those of supports: with these dofs held, the others are "
+                "in order. Leave these rows out, or write 1 on their diagonal in both matrices"
+            )
+    return None
+
+
+def _by_rigid_motions(body: FEModel, geometry: Nodes) -> RowOrderProof:
+    condensed = is_condensed(body)
     held = _without_idle_turns(body)
     found = rigid_residual(body.K, body.dofs, geometry, held, body.rounding, condensed, body.noise)
     if held is not body.constrained and not found.vanishes:
