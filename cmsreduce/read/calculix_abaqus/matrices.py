@@ -68,7 +68,13 @@ def _load(path: Path, format: str) -> LabelledMatrix:
         return _load_labelled(path, format, text, symmetric, factor)
     where, value, printed = read_entries(path, text, COORDINATE)
     if where.min() < 1:
-        i, j = where[(where < 1).any(axis=1)][0]
+        i, j = where[where.min(axis=1) == where.min()][0]
+        if min(i, j) < 0:
+            raise ReadError(
+                f"{path}: there is an entry at row {i}, column {j}; Abaqus gives such numbers to what it makes for "
+                "itself, as for the multipliers of connectors, couplings and hybrid elements, which are not reduced: "
+                "leave these out"
+            )
         raise ReadError(
             f"{path}: there is an entry at row {i}, column {j}, but indices count from 1; if the writer counts from 0, "
             "let it write a Matrix Market or .npz file instead"

@@ -134,6 +134,7 @@ def test_dof_list_that_does_not_fit(tmp_path: Path) -> None:
         ("1 1 2.0\n2 2 3.0\n2 2", "line 3 .the last of the file, so it is probably truncated"),
         ("1 1 2.0000000e+00\n2 2 3.0000000e+00\n3 3 4.00000", r"ends inside its last number, '4\.00000'"),
         ("1 1 2.0\n0 1 1.0\n", "row 0, column 1, but indices count from 1"),
+        ("1 1 2.0\n-3 1 1.0\n", "row -3, column 1; Abaqus gives such numbers"),
         ("1 1 2.0\n1 2 1.0\n1 2 4.0\n", "row 1, column 2 appears 2 times"),
         ("3 3 4\n1 1 2.0\n1 2 1.0\n2 2 4.0\n3 3 1.0\n", "first line, '3 3 4', states rows, columns and entries"),
         ("-1,1, 5,1, 2.0\n5,1, 5,1, 3.0\n", "node -1 is one that Abaqus made for itself"),
