@@ -36,7 +36,9 @@ def rigid_motions_proof(body: FEModel, rigid: int, shown: int | None) -> Proof:
     digits = -math.log10(PRINTED * body.stiffness_rounding)
     if shown is None:
         text = f"K alone leaves {rigid} motions free" if rigid else "K resists every motion"
-        return Proof("rigid motions", "proven", digits, text)
+        # A mechanism has no energy at all; in few digits a soft motion has none, either.
+        exact = not rigid or body.stiffness_rounding <= ARITHMETIC
+        return Proof("rigid motions", "proven" if exact else "unproven", digits, text)
     if rigid < shown:
         text = f"the geometry leaves {shown} motions free, and K leaves {rigid}"
         return Proof("rigid motions", "refuted", digits, text)
@@ -44,7 +46,6 @@ def rigid_motions_proof(body: FEModel, rigid: int, shown: int | None) -> Proof:
     if rigid == shown:
         return Proof("rigid motions", "proven", digits, f"{text}; K resists all others{_errors(body)}")
     more = f"{text}, and {rigid - shown} more that K resists by no more than its rounding"
-    # A mechanism has no energy at all; in few digits a soft motion has none, either.
     return Proof("rigid motions", "proven" if body.stiffness_rounding <= ARITHMETIC else "unproven", digits, more)
 
 

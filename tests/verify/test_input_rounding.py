@@ -106,3 +106,7 @@ def test_the_proof_of_rigid_motions():
     assert rigid_motions_proof(body, 7, 6).state == "proven"
     assert rigid_motions_proof(replace(body, rounding=5e-7), 7, 6).state == "unproven"
     assert "K resists every motion" in rigid_motions_proof(body, 0, None).remark
+    # Without geometry nothing tells a soft motion from a free one but the digits of K.
+    assert rigid_motions_proof(body, 6, None).state == "proven"
+    assert rigid_motions_proof(replace(body, rounding=5e-7), 1, None).state == "unproven"
+    assert rigid_motions_proof(replace(body, rounding=5e-7), 0, None).state == "proven"

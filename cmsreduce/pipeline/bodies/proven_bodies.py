@@ -17,7 +17,7 @@ from cmsreduce.config import Pipeline
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import DEPENDENT, only_motions, rigid_body_modes
 from cmsreduce.mechanics import check_connected, hold_undetermined, rows_alone
-from cmsreduce.model import Failure, FEModel, Finding, Proof, Scene, in_units, rigid_body_shapes
+from cmsreduce.model import ARITHMETIC, Failure, FEModel, Finding, Proof, Scene, in_units, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
@@ -179,7 +179,13 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     # A later run, in another folder, draws the elements of these files.
     found = tuple(replace(source, path=str(Path(source.path).absolute())) for source in body.sources)
     parts = {field.name: getattr(body, field.name) for field in fields(body) if field.name != _SOUND}
-    every = (*proved.proofs, rigid_motions_proof(body, rigid.shape[1], shown))
+    counted = rigid_motions_proof(body, rigid.shape[1], shown)
+    if shown is None and counted.state == "unproven":
+        notes.append(
+            f"{name}: {counted.remark} to {counted.digits:.0f} digits; if the body is held, these are its softest "
+            "modes, which are lost: write the stiffness in double precision, or give `geometry:`"
+        )
+    every = (*proved.proofs, counted)
     return ProvenBody(
         {**parts, "sources": found},
         determined.motions,
@@ -228,12 +234,14 @@ def hash_of(label: bytes, arrays: Iterable[NDArray[Any]]) -> str:
 
 def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
     """Refuse a body that is declared grounded and has as many motions without force as a free one."""
+    few = " the file has too few digits for its softest motions, or" if body.stiffness_rounding > ARITHMETIC else ""
     if body.grounded and 0 < _shown_motions(body) <= rigid.shape[1]:
         raise DofMapError(
             f"body '{body.name}': `grounded: true` says that the ground holds the body, but its stiffness has "
             f"{rigid.shape[1]} motions without force, as a free body has, and they are not the rigid motions of the "
-            "geometry. Likely cause: its rows are shuffled or of another set. Give the order of the rows as a list of "
-            "node.component under `rows:`, and remove `grounded: true` if nothing holds the body"
+            f"geometry. Likely cause:{few} its rows are shuffled or of another set. "
+            f"{'Write the stiffness in double precision, or give' if few else 'Give'} the order of the rows as a list "
+            "of node.component under `rows:`, and remove `grounded: true` if nothing holds the body"
         )
 
 
