@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import absolute_product
 from cmsreduce.model import DOUBLE, SCALAR, DofTable, Nodes
 from cmsreduce.read.formats import Geometry
 from cmsreduce.read.labelled_matrix import LabelledMatrix
@@ -96,12 +95,14 @@ def without_support_rows(
     Notes
     -----
     Such a row has nothing but one number on the diagonal of the stiffness, the same for all of them, beside which the
-    others are rounding. Where it is 1, or so large that nothing else moves the dof, the mass may be as it was. Any
-    other number may be a spring to the ground, unless its mass is 1 or nothing. Left in, rows with 1 and 1 are motions
-    of 0.16 Hz.
+    others are rounding; its column may hold others. Where it is 1, or so large that nothing else moves the dof, the
+    mass may be as it was. Any other number may be a spring to the ground, unless its mass is 1 or nothing. Left in,
+    rows with 1 and 1 are motions of 0.16 Hz.
     """
-    diagonal = matrices[0].A.diagonal()
-    beside = absolute_product(matrices[0].A)(np.ones((len(table), 1)))[:, 0] - abs(diagonal)
+    K = matrices[0].A
+    diagonal = K.diagonal()
+    # By rows: some programs leave the columns as they are.
+    beside = np.bincount(K.indices, abs(K.data), len(table)) - abs(diagonal)
     alone = (table.component != SCALAR) & (diagonal > 0) & (beside <= DOUBLE * diagonal)
     if inner is not None:
         alone &= inner.rows(table.node, table.component) < 0

@@ -55,6 +55,19 @@ def test_rows_of_supports_are_left_out(tmp_path: Path, k: float, m: float, compo
     assert f"{held.size} rows have nothing but one number on the diagonal" in found.remarks[0]
 
 
+def test_rows_of_supports_whose_columns_stay_are_left_out() -> None:
+    """Programs that zero the rows alone leave an unsymmetric matrix, whose columns act on nothing."""
+    body = block("bar", [1.0, 0.3, 0.2], [4, 2, 2])
+    K, M = body.K.toarray(), body.M.toarray()
+    K[:27], M[:27] = 0.0, 0.0
+    K[range(27), range(27)] = M[range(27), range(27)] = 1.0
+    parts = [LabelledMatrix(sp.csc_array(A), "a", Path("a.npz"), "numpy", 0.0, body.dofs) for A in (K, M)]
+    left, found, held = without_support_rows(body.dofs, parts, None)
+    assert (len(left), len(held)) == (body.n - 27, 27)
+    for one, A in zip(found, (body.K, body.M), strict=True):
+        assert abs(one.A.toarray() - A.toarray()[27:, 27:]).max() == 0.0
+
+
 @pytest.mark.parametrize(
     ("own", "mass"), [((1.0, 2.0), 1.0), ((4.0, 4.0), 3.0), ((0.0, 0.0), 1.0)], ids=["unlike", "alike", "no stiffness"]
 )
