@@ -144,12 +144,12 @@ def _shapes(dofs: DofTable, nodes: Nodes | None) -> NDArray[np.float64]:
 
 
 def _patterns(matrix: LabelledMatrix) -> list[NDArray[np.float64]]:
-    """Translations where no geometry names the rows: by the labels, or three or six dofs at every node."""
+    """Translations where no geometry names the rows: by the labels, or two, three or six dofs at every node."""
     if matrix.dofs is not None:
         return [_shapes(matrix.dofs, None)]
     n = matrix.A.shape[0]
     row, axes = np.arange(n)[:, None], np.arange(3)
-    return [np.asarray(row % count == axes, dtype=np.float64) for count in (3, 6) if n % count == 0]
+    return [np.asarray(row % count == axes, dtype=np.float64) for count in (2, 3, 6) if n % count == 0]
 
 
 def stiffness_and_mass(
@@ -188,6 +188,9 @@ def stiffness_and_mass(
     candidates = next(filter(None, fitting), list(every))
     stiff = [one for one in candidates if one.quiet >= QUIET]
     heavy = [one for one in candidates if one.quiet <= LOUD and one.massive]
+    if stiff and not heavy:
+        # Corners of quadratic triangles have no share of a uniform load: the entries of their rows add up to zero.
+        heavy = [one for one in candidates if one.quiet < QUIET and one.massive]
     held = ", ".join(one.words for one in every) + "".join(f" (left out: {reason})" for reason in left_out)
     if stiff and not heavy and len(stiff) == len(candidates):
         same = _twice(stiff)

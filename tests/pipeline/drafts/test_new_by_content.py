@@ -21,6 +21,7 @@ from cmsreduce.model import DofTable, FEModel, Nodes, Units, in_units
 from cmsreduce.pipeline.bodies.plausible_units import Material, material_of, plausible_units
 from cmsreduce.pipeline.drafts import draft_body, draft_pipeline
 from cmsreduce.pipeline.drafts.first_mode import softly_tied
+from cmsreduce.pipeline.drafts.matrix_roles import matrices_of, stiffness_and_mass
 from cmsreduce.pipeline.drafts.proposed_interfaces import Place, proposed_interfaces
 from tests.pipeline.study import arm, panel, system_frequencies, write_body
 from tests.solids import block, face
@@ -211,6 +212,23 @@ def test_refusals_end_with_the_next_step(
         draft_body("plate", [Path(name) for name in given])
     assert typed("new", "plate", *given)[0] == 2
     assert not Path("plate.yaml").exists()
+
+
+def test_stiffness_and_mass_of_quadratic_triangles_in_a_plane(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two dofs a node, and a mass in which the rows of all corners add up to zero."""
+    monkeypatch.chdir(tmp_path)
+    one = np.array([[6, -1, -1, 0, -4, 0], [-1, 6, -1, 0, 0, -4], [-1, -1, 6, -4, 0, 0], [0, 0, -4, 32, 16, 16]])
+    one = np.vstack([one, [[-4, 0, 0, 16, 32, 16], [0, -4, 0, 16, 16, 32]]])
+    K, M = np.zeros((9, 9)), np.zeros((9, 9))
+    for nodes in ([0, 1, 2, 4, 5, 6], [1, 3, 2, 7, 8, 5]):
+        K[np.ix_(nodes, nodes)] += 6 * np.eye(6) - 1
+        M[np.ix_(nodes, nodes)] += one / 180
+    np.savez("a", np.kron(K, np.eye(2)))
+    np.savez("b", np.kron(M, np.eye(2)))
+    every = [one for name in ("a.npz", "b.npz") for one in matrices_of(Path(name), None, ())[0]]
+    for order in (every, every[::-1]):
+        found = stiffness_and_mass("plane", order, None, (), "")
+        assert [source[0].stem for source in (found.stiffness, found.mass)] == ["a", "b"]
 
 
 def test_a_damping_that_is_left_out_is_said(files: list[Path], plate: tuple[np.ndarray, ...]) -> None:
