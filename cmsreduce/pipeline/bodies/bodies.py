@@ -90,6 +90,15 @@ class FlexibleBody:
         terms = tuple(term for term in self.body.terms if term.letter in "KM")
         return replace(self.body, damping=Damping(), D=None, terms=terms)
 
+    @property
+    def viscous(self) -> FEModel:
+        """The body with the forces on its rates that can make a root faster than its frequencies.
+
+        Modal ratios below 1 and damping by alpha M do not.
+        """
+        _, beta = self.body.damping.rayleigh or (0.0, 0.0)
+        return replace(self.body, damping=Damping(rayleigh=(0.0, beta)) if beta > 0 else Damping())
+
     @cached_property
     def health(self) -> BodyHealth:
         """Health of the matrices and of the geometry; without factorisations if the body is large."""

@@ -12,7 +12,7 @@ from cmsreduce.mechanics import IMPLICIT, cost
 from cmsreduce.model import Configuration, SimulationCost, SimulationCosts
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.pipeline.system import reduced_cost
+from cmsreduce.pipeline.system import AssembledModel, reduced_cost
 
 __all__ = ["simulation_costs"]
 
@@ -49,7 +49,11 @@ def simulation_costs(run: Run) -> SimulationCosts | None:
 @diagnostic("the cost of a simulation with the full system")
 def _full(run: Run, configuration: Configuration) -> SimulationCost | None:
     assert run.pipeline.verify is not None
-    keys, system = run.pipeline.verify.cost, run.in_dofs.system(configuration)
+    keys, model = run.pipeline.verify.cost, run.in_dofs
+    drags = {name: replace(each, body=each.viscous).substructure(run.scene) for name, each in run.bodies.items()}
+    if any(each.D is not None or each.terms for each in drags.values()):
+        model = AssembledModel({**model.substructures, **drags}, run.scene)
+    system = model.system(configuration)
     K, M = sp.csc_array(system.K), sp.csc_array(system.M)
     found = highest_frequency(K, M, None if system.D is None else sp.csc_array(system.D))
     if found is None:

@@ -14,6 +14,7 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import fastest_root, highest
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.results import floating_bodies, multibody_scene
+from cmsreduce.pipeline.results.simulation_cost import simulation_costs
 from cmsreduce.pipeline.system import highest_frequency
 from cmsreduce.simulate import scene_system
 
@@ -50,6 +51,26 @@ def test_the_full_system_counts_them_too(
     found, still = (highest.highest_frequency(*(sp.csc_array(A) for A in some)) for some in ((K, M, D), (K, M)))
     assert found.omega == pytest.approx(abs(la.eigvals(A)).max(), rel=1e-4)
     assert found.omega > 2 * still.omega
+
+
+def full_highest(run: Run) -> float:
+    costs = simulation_costs(run)
+    assert costs is not None and costs.full is not None
+    return 2 * np.pi * costs.full.highest_hz
+
+
+def test_the_full_cost_counts_the_damping_of_bodies_and_their_wheels(opened: Callable[..., Run]) -> None:
+    """D = beta K makes a root w (z + sqrt(z^2 - 1)), z = beta w / 2; a nutation grows as the momentum."""
+    laws = [f"components.{name}.damping={{rayleigh: {{alpha: 2, beta: 1e-3}}}}" for name in ("arm", "panel")]
+    run = opened(*laws)
+    system = run.in_dofs.system(run.scene.configurations[0])
+    w = float(np.sqrt(la.eigh(dense(system.K), dense(system.M), eigvals_only=True)[-1]))
+    z = 5e-4 * w
+    assert z > 2
+    assert full_highest(run) == pytest.approx(w * (z + np.sqrt(z**2 - 1)), rel=1e-6)
+    wheel = "components.panel.wheels={{y: {{at: 6, axis: x, momentum: {} N*m*s}}}}"
+    once, twice = (full_highest(opened(wheel.format(momentum))) for momentum in ("1e7", "2e7"))
+    assert twice == pytest.approx(2 * once, rel=1e-2)
 
 
 @pytest.mark.parametrize("kind", FAST)
