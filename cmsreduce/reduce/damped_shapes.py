@@ -57,9 +57,12 @@ def with_damped_modes(basis: Basis, body: FEModel, rigid: NDArray[np.float64], c
     K, M, D = (part(A, rows) for A in (body.K, body.M, body.D))
     start = 2 * np.pi * modes.source_hz[normal], modes.Phi[np.ix_(rows, normal)]
     found = complex_modes(DampedPencil(K, M, D, None), 2 * np.pi * cutoff_hz / _ABOVE, motions, start, body.rounding)
-    shapes = np.hstack([found.X.real, found.X.imag])
-    strain = np.einsum("ij,ij->j", shapes, dense(K @ shapes)).reshape(2, -1).sum(axis=0)
-    shapes = shapes / np.sqrt(np.tile(strain, 2))
+    # Rounding chooses the shapes of a repeated root, and their new parts; an orthonormal basis has the same for all.
+    strain = found.X.conj().T @ np.asarray(K @ found.X)
+    size = np.sqrt(np.diag(strain).real)
+    energy, V = la.eigh(strain / np.outer(size, size))
+    X = (found.X / size) @ (V[:, energy > _NEW] / np.sqrt(energy[energy > _NEW]))
+    shapes = np.hstack([X.real, X.imag])
     known = [each / np.sqrt(np.einsum("ij,ij->j", each, dense(K @ each))) for each in basis.known]
     for _ in range(2):
         shapes = shapes - motions @ (motions.T @ (M @ shapes))

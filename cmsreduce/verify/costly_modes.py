@@ -7,6 +7,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import svd
+from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.model import CostlyMode, CostlyModes, ModalComponent, RoundingEffect
 
 __all__ = ["costly_modes", "single_precision"]
@@ -50,7 +51,8 @@ def costly_modes(component: ModalComponent, points: Array, band_hz: float) -> Co
     -----
     A mode's flexibility is phi phi^T / (w_j^2 - w^2). Without its mass phi phi^T / w_j^2 remains; at the upper end of
     the band the loss is phi phi^T / w_j^2 times r / (1 - r), r = (w_b / w_j)^2. The loss in each motion of the points
-    is stated as a share of the static flexibility of all modes there, so that units do not matter.
+    is stated as a share of the static flexibility of all modes there, so that units do not matter. Modes of a repeated
+    frequency count together.
     """
     band = 2 * np.pi * band_hz
     elastic = component.elastic
@@ -63,7 +65,10 @@ def costly_modes(component: ModalComponent, points: Array, band_hz: float) -> Co
     beyond = omega >= _FACTOR * band
     lost = np.zeros_like(omega)
     lost[beyond] = 1 / ((omega[beyond] / band) ** 2 - 1)
-    shares = (compliance[moving] / flexibility[moving, None]).max(axis=0, initial=0.0) * lost
+    # The modes of a repeated frequency share their flexibility in any way that rounding chooses.
+    group = repeated_groups(omega)
+    parts = np.add.reduceat(compliance[moving], np.unique(group, return_index=True)[1], axis=1)[:, group]
+    shares = (parts / flexibility[moving, None]).max(axis=0, initial=0.0) * lost
     serving = np.flatnonzero(~beyond | (shares > _SHARE))
     first = int(serving[-1]) + 1 if serving.size else 0
     return CostlyModes(

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import Damping, FEModel, ParameterTerm, ReducedComponent
 from cmsreduce.reduce import CraigBampton, MacNealRubin, reduction
-from tests.frames import line
+from tests.frames import Section, line
 
 CUTOFF = 400.0
 
@@ -69,6 +69,20 @@ def test_free_modes_are_those_of_the_body() -> None:
     assert worst(found(usual, every[0]), exact) > 1e-4
     assert worst(found(ours, every[1]), exact) < 1e-8
     assert ours.rigid.shape[1] == 6
+
+
+@pytest.mark.parametrize("c", [0.03, 0.3])
+def test_a_body_that_is_alike_across_its_axis_stays_so(c: float) -> None:
+    """Two equal dampers across a square section: a quarter turn takes the shapes to shapes of the basis."""
+    body = line("arm", [0, 0, 0], [1.2, 0, 0], 6, section=Section(Iy=2e-8, Iz=2e-8))
+    turn = np.kron(np.eye(14), [[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    D, K = damped(6, c).D.toarray(), body.K.toarray()
+    both = replace(body, D=sp.csc_array(D + turn @ D @ turn.T), damping=Damping())
+    modes = MacNealRubin(CUTOFF, damped=True).reduce(both).modes
+    new = turn @ modes.Phi[:, np.array(modes.kind) == "damped"]
+    beyond = new - modes.Phi @ la.lstsq(modes.Phi, new)[0]
+    assert new.shape[1] > 0
+    assert max(np.einsum("ij,ij->j", beyond, K @ beyond)) < 1e-20
 
 
 @pytest.mark.parametrize("stiffer", [False, True])

@@ -54,6 +54,14 @@ def test_units_do_not_matter(scale: float) -> None:
     np.testing.assert_allclose([m.share for m in after.modes], [m.share for m in before.modes], rtol=1e-12)
 
 
+def test_modes_of_a_repeated_frequency_count_together() -> None:
+    """In a basis turned by any angle each has the share of both: 1 / 99 of 1 % of the flexibility of either point."""
+    turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
+    for high in (np.eye(2), turn):
+        found = costly_modes(component(1.0, 1.0, 10.0, 10.0), np.hstack([np.eye(2), high]), 1.0)
+        assert [each.share for each in found.modes] == pytest.approx([(0.01 / 1.01) / 99] * 2, rel=1e-12)
+
+
 def test_static_treatment_keeps_the_static_flexibility_and_the_momentum_of_the_rest() -> None:
     body = component(1.0, 3.0, 30.0)
     treated = body.static_above(2 * np.pi * 10.0)
