@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import channel_rows, system_modes
@@ -61,7 +62,7 @@ def axis_completeness(
         if not measured:
             continue
         systems = [_sensing(model, measured, configuration) for model in (reduced, untruncated)]
-        free = _free(systems[1])
+        free = _free(untruncated, systems[1], measured, configuration)
         axes = [axis for axis, moves in zip(measured, free, strict=True) if moves]
         own, every = (
             _indices(model, _only(system, free), configuration)
@@ -88,8 +89,7 @@ def completeness_note(found: Sequence[AxisCompleteness]) -> str | None:
 
 def _sensing(model: AssembledModel, sensors: Sequence[Channel], configuration: Configuration) -> System:
     """The system with the motions of the hinges as its only outputs."""
-    system, placed = model.system(configuration), model.wiring(configuration).placed
-    rows = model.stack.spread(channel_rows(model.stack, model.scene, placed, sensors))
+    system, rows = model.system(configuration), _rows(model, sensors, configuration)
     C1 = dense(rows @ system.T)
     # A hinge that the modes kept do not move is rounding.
     C1[np.linalg.norm(C1, axis=1) <= _HELD * np.linalg.norm(np.abs(dense(rows)) @ np.abs(dense(system.T)), axis=1)] = (
@@ -99,10 +99,19 @@ def _sensing(model: AssembledModel, sensors: Sequence[Channel], configuration: C
     return replace(system, B=system.B[:, :0], C1=C1, C2=np.zeros_like(C1), inputs=(), outputs=names)
 
 
-def _free(system: System) -> NDArray[np.bool_]:
+def _rows(model: AssembledModel, sensors: Sequence[Channel], configuration: Configuration) -> sp.csr_array:
+    """Motions of the hinges as combinations of the coordinates of all bodies."""
+    placed = model.wiring(configuration).placed
+    return model.stack.spread(channel_rows(model.stack, model.scene, placed, sensors))
+
+
+def _free(
+    model: AssembledModel, system: System, sensors: Sequence[Channel], configuration: Configuration
+) -> NDArray[np.bool_]:
     """Mask of the hinges that move in rigid motions."""
-    size = np.linalg.norm(system.C1 @ system.rigid, axis=1)
-    terms = np.linalg.norm(abs(system.C1) @ abs(system.rigid), axis=1)
+    rows, motions = _rows(model, sensors, configuration), dense(system.T @ system.rigid)
+    # The terms are the motions of the bodies: those of a held hinge in the coordinates of the system are rounding, too.
+    size, terms = (np.linalg.norm(dense(part), axis=1) for part in (rows @ motions, abs(rows) @ abs(motions)))
     return np.asarray(size > _HELD * terms)
 
 

@@ -14,6 +14,8 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import AxisCompleteness
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.pipeline.system import completeness_note
+from tests.frames import Section, line
+from tests.pipeline.study import write_body
 
 ROOT = Path(__file__).parents[3]
 
@@ -65,6 +67,35 @@ def test_the_limit_is_on_what_is_lost(kept: float, whole: float, said: bool) -> 
 def test_hinges_that_a_spring_holds_and_scenes_without_joints_have_none(opened: Callable[..., Run]) -> None:
     hinge = "scene.joints.hinge={connect: [arm.tip, panel.root], free: [ry], stiffness: {ry: 50.0}}"
     assert opened(hinge, "scene.articulation={}").completeness == ()
+
+
+@pytest.mark.parametrize("seed", [2, 5])
+def test_strips_on_springs_have_none(seed: int, tmp_path: Path) -> None:
+    """A spring at each hinge holds it: the system has six rigid motions, in which no hinge turns."""
+    rng, at, bodies, joints = np.random.default_rng(seed), np.zeros(3), {}, {}
+    for k, thick in enumerate((4e-4, 2e-2, 4e-4)):
+        name, end = f"b{k}", np.round(at + rng.normal([1.0, 0.0, 0.0], 0.5), 4)
+        strip = Section(A=0.1 * thick, Iy=0.1 * thick**3 / 12, Iz=thick * 1e-3 / 12, J=0.1 * thick**3 / 3)
+        write_body(tmp_path, line(name, at, end, 5, section=strip))
+        bodies[name] = {
+            "stiffness": {"file": f"{name}.op4", "matrix": "KAA"},
+            "mass": {"file": f"{name}.op4", "matrix": "MAA"},
+            "geometry": f"{name}.bdf",
+            "interfaces": {"a": {"node": 1}, "b": {"node": 6}},
+            "damping": {"modal": 0.01},
+        }
+        if k:
+            joints[f"j{k}"] = {"connect": [f"b{k - 1}.b", f"{name}.a"], "free": ["ry"], "stiffness": {"ry": 10.0}}
+        at = end
+    scene = {
+        "band": "50 Hz",
+        "joints": joints,
+        "actuators": {"f": {"at": "b0.3", "force": [0, 1, 1]}},
+        "sensors": {"s": {"at": "b2.3", "measure": ["y"]}},
+    }
+    path = tmp_path / "strips.yaml"
+    path.write_text(json.dumps({"name": "strips", "components": bodies, "scene": scene, "reduce": {"method": "scene"}}))
+    assert Run(load_pipeline(path), tmp_path / "out", Silent()).completeness == ()
 
 
 def test_galileo_has_kept_the_inertia_of_both_its_hinges(tmp_path: Path) -> None:
