@@ -10,18 +10,21 @@ import time
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import lru_cache
 from pathlib import Path
+from struct import Struct
 from threading import Lock
+from typing import Any
 
 from cmsreduce.errors import ReadError, refuse_device
 
 __all__ = [
     "HEADERS",
     "LIBRARY_ERRORS",
+    "FileBytes",
     "check_included",
     "files_read",
     "is_med",
@@ -30,6 +33,7 @@ __all__ = [
     "read_lines",
     "read_text",
     "reading",
+    "refuse_rewritten",
     "require_file",
     "sha256_of",
 ]
@@ -58,27 +62,54 @@ HEADERS = Lock()
 """For files of numpy, whose headers Python parses: it counts the depth of its parser for all threads together, so that
 two at once may end in an error (CPython 3.11)."""
 
-_READ: ContextVar[set[Path] | None] = ContextVar("files_read", default=None)
+_READ: ContextVar[dict[Path, str] | None] = ContextVar("files_read", default=None)
 
 
 @contextmanager
-def files_read() -> Iterator[set[Path]]:
-    """Collect the absolute paths of all files that are read while the block lasts, included ones and lists too."""
-    found: set[Path] = set()
+def files_read() -> Iterator[dict[Path, str]]:
+    """Collect all files that are read while the block lasts, included ones and lists too: absolute path and hash.
+
+    Raises
+    ------
+    ReadError
+        If one of them has another content at the end, whatever was read from it.
+    """
+    found: dict[Path, str] = {}
     token = _READ.set(found)
     try:
         yield found
     finally:
         _READ.reset(token)
+        refuse_rewritten(found)
+
+
+def refuse_rewritten(files: Mapping[Path, str]) -> None:
+    """Refuse files that have another content than that of a hash.
+
+    Raises
+    ------
+    ReadError
+        With the first of them.
+    """
+    for path, content in files.items():
+        if not path.is_file() or sha256_of(path) != content:
+            raise ReadError(
+                f"{path}: changed while this run read it, and nothing made of it is kept. Let the program that writes "
+                "it end, and run again"
+            )
 
 
 def _record(path: Path) -> None:
     """Note that a file is about to be opened; a device or a pipe is refused, also where a deck includes it."""
     refuse_device(path)
-    if (found := _READ.get()) is not None:
-        found.add(path.absolute())
+    if (found := _READ.get()) is not None and path.absolute() not in found and path.is_file():
+        # The reader says what keeps it from being opened.
+        with suppress(ReadError):
+            found[path.absolute()] = sha256_of(path)
 
 
+# Bytes of a file that are read together.
+_AT_ONCE = 4_000_000
 # Files that include one another; more would exceed the stack of Python.
 _DEEPEST = 50
 # A file that was changed less than a second ago may change again without a new time.
@@ -218,6 +249,48 @@ def read_text(path: Path, subject: str = "") -> str:
         return path.read_text(encoding="utf-16" if wide else "utf-8-sig", errors="replace")
     except OSError as error:
         raise ReadError(f"{subject or f'{path}:'} cannot be read: {error.strerror or error}") from error
+
+
+class FileBytes:
+    """Bytes of a file, a few at a time; it is not mapped, because a mapped file that is cut ends the process.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its size is that of now.
+
+    Raises
+    ------
+    EOFError
+        When bytes are asked for that the file does not have any more.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._size, self._start, self._block = path, path.stat().st_size, 0, b""
+
+    def __len__(self) -> int:
+        return self._size
+
+    def __getitem__(self, part: slice) -> bytes:
+        start, stop, _ = part.indices(self._size)
+        at = self._at(start, stop - start)
+        return self._block[at : at + stop - start]
+
+    def unpack(self, numbers: Struct, start: int) -> tuple[Any, ...]:
+        """Numbers that begin at a byte."""
+        at = self._at(start, numbers.size)
+        return numbers.unpack_from(self._block, at)
+
+    def _at(self, start: int, count: int) -> int:
+        """Place of some bytes in the block that is held, which is read where it lacks them."""
+        at = start - self._start
+        if at < 0 or at + count > len(self._block):
+            with self._path.open("rb") as file:
+                file.seek(start)
+                self._start, self._block, at = start, file.read(max(count, _AT_ONCE)), 0
+            if len(self._block) < count:
+                raise EOFError(f"it had {self._size} bytes, and those from {start} on are gone")
+        return at
 
 
 def read_lines(path: Path) -> bytes:

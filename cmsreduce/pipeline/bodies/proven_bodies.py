@@ -123,7 +123,8 @@ def proven_body(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
         As `read_body` does.
     """
     with files_read() as files:
-        return replace(_proven(pipeline, name, scene), files={str(path): sha256_of(path) for path in sorted(files)})
+        found = _proven(pipeline, name, scene)
+    return replace(found, files={str(path): files[path] for path in sorted(files)})
 
 
 def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:

@@ -292,7 +292,7 @@ class BodyStages(ReadStages):
     @stage(
         "reference",
         what=lambda run, name: f"{name}.static",
-        key=lambda run, name: stage_key("verify", run.proof_key(name), read_key(run.keyed, name)),
+        key=lambda run, name: stage_key("verify", run.bodies[name].fingerprint, read_key(run.keyed, name)),
         stored=lambda run, name: run._stored_beside(name),
     )
     def unit_loads(self, name: str) -> UnitLoads:

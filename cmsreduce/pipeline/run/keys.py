@@ -19,6 +19,7 @@ from cmsreduce.read import sha256_of
 __all__ = [
     "absolute_files",
     "body_key",
+    "contents",
     "file_size",
     "named_files",
     "projected_error",
@@ -58,8 +59,14 @@ def body_key(pipeline: Pipeline, name: str) -> str:
     return stage_key("read", own, _frame(pipeline, name), pipeline.reduce_of(name) is None, _parameters(pipeline, name))
 
 
-def proof_key(pipeline: Pipeline, name: str) -> str:
-    """Hash of everything that a body as read and proven depends on: code, keys, and files with those beside them.
+def contents(pipeline: Pipeline, name: str) -> dict[Path, str]:
+    """Hashes of the files that a body is read from as its keys name them, and of those beside them."""
+    own = pipeline.components[name].model_dump(exclude=_OF_THE_PLACE | _DOWNSTREAM)
+    return {path: sha256_of(path) for path in sorted(_with_beside(own)) if path.is_file()}
+
+
+def proof_key(pipeline: Pipeline, name: str, files: Mapping[Path, str]) -> str:
+    """Hash of everything that a body as read and proven depends on: code, keys, and `contents` of files.
 
     A damping law is no part of it, nor is a place; a sweep over them proves the body once.
     """
@@ -67,8 +74,8 @@ def proof_key(pipeline: Pipeline, name: str) -> str:
     own = part.model_dump(exclude=_OF_THE_PLACE | _DOWNSTREAM | {"damping"})
     law = part.damping is not None and part.damping.matrix is None and not part.in_modes
     own["damping"] = "law" if law or part.damping is None else part.damping.model_dump()
-    files = {str(path): sha256_of(path) for path in sorted(_with_beside(own)) if path.is_file()}
-    return stage_key("proof", name, own, part.damping is None, pipeline.units.name, files)
+    hashes = {str(path): content for path, content in files.items()}
+    return stage_key("proof", name, own, part.damping is None, pipeline.units.name, hashes)
 
 
 def file_size(pipeline: Pipeline, name: str) -> int:

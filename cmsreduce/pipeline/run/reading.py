@@ -21,7 +21,7 @@ from cmsreduce.pipeline.bodies import (
     proven_body,
     read_rigid,
 )
-from cmsreduce.pipeline.run.keys import absolute_files, body_key, file_size, proof_key, read_key
+from cmsreduce.pipeline.run.keys import absolute_files, body_key, contents, file_size, proof_key, read_key
 from cmsreduce.pipeline.store import (
     CommonWork,
     Failures,
@@ -34,6 +34,7 @@ from cmsreduce.pipeline.store import (
     stage,
 )
 from cmsreduce.pipeline.system import AssembledModel
+from cmsreduce.read import refuse_rewritten
 
 __all__ = ["HELD", "ReadStages"]
 
@@ -122,6 +123,8 @@ class ReadStages:
     def _proven(self, name: str) -> ProvenBody:
         with collecting(Failures(log=self.stages.failures.log)) as failed:
             found = proven_body(self.pipeline, name, self.scene)
+        # A proof is never kept under the key of other files.
+        refuse_rewritten(self._contents(name))
         return replace(found, failures=tuple(failed))
 
     @stage(
@@ -177,7 +180,12 @@ class ReadStages:
     @once
     def proof_key(self, name: str) -> str:
         """Hash of all that a body as read and proven depends on."""
-        return proof_key(self.keyed, name)
+        return proof_key(self.keyed, name, self._contents(name))
+
+    @once
+    def _contents(self, name: str) -> dict[Path, str]:
+        """Hashes of the files that a body is read from, when this run first looked at them."""
+        return contents(self.keyed, name)
 
     @once
     def body_key(self, name: str) -> str:

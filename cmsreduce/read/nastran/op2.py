@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import KEY_STEP
-from cmsreduce.read.files import reading
+from cmsreduce.read.files import FileBytes, reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, LabelledMatrix, canonical, check_size, mirrored
 from cmsreduce.read.nastran.dmig import DMIG_FORMS, assembled_dmig
@@ -165,43 +164,40 @@ def _dmig_entries(
     return np.concatenate(rows), np.concatenate(cols), np.concatenate(values)
 
 
-def _order(content: mmap.mmap) -> str:
+def _order(content: FileBytes) -> str:
     """Byte order, from the length of the first record, which is one word."""
-    return "<" if struct.unpack_from("<i", content)[0] in (4, 8) else ">"
+    return "<" if content.unpack(struct.Struct("<i"), 0)[0] in (4, 8) else ">"
 
 
 def check_records(path: Path) -> None:
     """Check that every record has the same length before and after it."""
     if path.stat().st_size < _SMALLEST:
         raise ReadError(f"{path}: the OP2 file is truncated: it has no more than {path.stat().st_size} bytes")
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        marker = struct.Struct(_order(content) + "i").unpack_from
-        size, at = len(content), 0
-        while at < size:
-            length = marker(content, at)[0] if at + 4 <= size else 0
-            end = at + 8 + length
-            if length < 0 or end > size:
-                raise ReadError(
-                    f"{path}: the OP2 file is truncated: the record at byte {at} needs {end} bytes up to its end and "
-                    f"the file has {size}; write it again, or copy it again in binary mode"
-                )
-            if marker(content, end - 4)[0] != length:
-                raise ReadError(
-                    f"{path}: the OP2 file is damaged: the record at byte {at} opens with the length {length} and "
-                    f"closes with {marker(content, end - 4)[0]}; copy it again in binary mode"
-                )
-            at = end
+    content = FileBytes(path)
+    marker = struct.Struct(_order(content) + "i")
+    size, at = len(content), 0
+    while at < size:
+        length = content.unpack(marker, at)[0] if at + 4 <= size else 0
+        end = at + 8 + length
+        if length < 0 or end > size:
+            raise ReadError(
+                f"{path}: the OP2 file is truncated: the record at byte {at} needs {end} bytes up to its end and "
+                f"the file has {size}; write it again, or copy it again in binary mode"
+            )
+        if content.unpack(marker, end - 4)[0] != length:
+            raise ReadError(
+                f"{path}: the OP2 file is damaged: the record at byte {at} opens with the length {length} and "
+                f"closes with {content.unpack(marker, end - 4)[0]}; copy it again in binary mode"
+            )
+        at = end
 
 
 def _load(path: Path, block: _Block) -> LabelledMatrix:
     """Read one matrix."""
-    with (
-        reading(path, f"OP2 matrix '{block.name}'"),
-        path.open("rb") as file,
-        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
-    ):
+    with reading(path, f"OP2 matrix '{block.name}'"):
+        content = FileBytes(path)
         order = _order(content)
-        word = struct.unpack_from(order + "i", content)[0]
+        word = content.unpack(struct.Struct(order + "i"), 0)[0]
         single = block.type == 1
         number = np.dtype(f"{order}f{word if single else 8}")
         rows, cols, values = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
@@ -218,20 +214,19 @@ def _load(path: Path, block: _Block) -> LabelledMatrix:
 
 
 def _strings(
-    content: mmap.mmap, block: _Block, order: str, word: int, number: np.dtype[np.floating]
+    content: FileBytes, block: _Block, order: str, word: int, number: np.dtype[np.floating]
 ) -> Iterator[tuple[int, int, NDArray[np.float64]]]:
     """Row, column (both from zero) and numbers of every string.
 
     A column is a chain of records: a key that counts words of numbers, then row and numbers, until a key of zero or
     less. One more key follows, and then the key that is positive if there is another column.
     """
-    integer = struct.Struct(order + ("i" if word == 4 else "q")).unpack_from
-    marker = struct.Struct(order + "i").unpack_from
+    integer, marker = struct.Struct(order + ("i" if word == 4 else "q")), struct.Struct(order + "i")
     at = block.start
 
     def record() -> tuple[int, int]:
         nonlocal at
-        length = marker(content, at)[0]
+        length = content.unpack(marker, at)[0]
         start, at = at + 4, at + 8 + length
         return start, length
 
@@ -239,17 +234,17 @@ def _strings(
         start, length = record()
         if length != word:
             raise ValueError(f"a key of {length} bytes at byte {start - 4}")
-        return int(integer(content, start)[0])
+        return int(content.unpack(integer, start)[0])
 
     col, more = 0, 1
     while more > 0:
         while (words := key()) > 0:
             start, length = record()
-            row = integer(content, start)[0] - 1
+            row = content.unpack(integer, start)[0] - 1
             count = (length - word) // number.itemsize
             if length != (words + 1) * word or row < 0 or row + count > block.rows or col >= block.cols:
                 raise ValueError(f"a string of {count} numbers at row {row + 1}, column {col + 1}")
-            yield row, col, np.frombuffer(content, number, count, start + word).astype(np.float64)
+            yield row, col, np.frombuffer(content[start + word : start + length], number, count).astype(np.float64)
         col += 1
         key()
         more = key()

@@ -54,11 +54,9 @@ def _op4_matrices(path: Path) -> list[StoredMatrix]:
         raise ReadError(f"{path}: the OP4 file is truncated: it has no more than {len(start)} bytes")
     found: list[tuple[Op4Header, PrintedStrings | None]]
     if b"\0" not in start:
-        with PrintedRecords.of(path) as printed:
-            found = list(printed.matrices())
+        found = list(PrintedRecords(path).matrices())
     else:
-        with BinaryRecords.of(path) as records:
-            found = [(header, None) for header in records.headers()]
+        found = [(header, None) for header in BinaryRecords(path).headers()]
     return [
         StoredMatrix(
             header.name or f"m{k}",
@@ -85,9 +83,8 @@ def _load(path: Path, header: Op4Header, strings: PrintedStrings | None, name: s
 
 
 def _printed_entries(path: Path, header: Op4Header, strings: PrintedStrings) -> Iterator[Entries]:
-    with PrintedRecords.of(path) as records:
-        for part, values in records.numbers(header, strings):
-            yield _without_zeros(path, header, strings.row[part], strings.count[part], strings.column[part], values)
+    for part, values in PrintedRecords(path).numbers(header, strings):
+        yield _without_zeros(path, header, strings.row[part], strings.count[part], strings.column[part], values)
 
 
 def _binary_entries(path: Path, header: Op4Header) -> Iterator[Entries]:
@@ -102,14 +99,13 @@ def _binary_entries(path: Path, header: Op4Header) -> Iterator[Entries]:
         found.clear()
         return entries
 
-    with BinaryRecords.of(path) as records:
-        for row, column, count, content in records.strings(header):
-            starts.append(row)
-            counts.append(count)
-            columns.append(column)
-            found += content
-            if len(found) >= _AT_ONCE:
-                yield taken()
+    for row, column, count, content in BinaryRecords(path).strings(header):
+        starts.append(row)
+        counts.append(count)
+        columns.append(column)
+        found += content
+        if len(found) >= _AT_ONCE:
+            yield taken()
     yield taken()
 
 

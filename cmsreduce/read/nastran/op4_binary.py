@@ -5,13 +5,12 @@ Integers have 32 or 64 bits in either byte order. Columns are dense, or strings 
 
 from __future__ import annotations
 
-import mmap
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read.files import FileBytes
 from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, check_size
 from cmsreduce.read.nastran.op4_header import ROWS_FOR_BIGMAT, TYPES, Op4Header
 
@@ -27,8 +26,6 @@ class BinaryRecords:
     ----------
     path : Path
         The file.
-    content : mmap
-        Its bytes.
 
     Raises
     ------
@@ -37,19 +34,13 @@ class BinaryRecords:
         with the byte.
     """
 
-    @classmethod
-    @contextmanager
-    def of(cls, path: Path) -> Iterator[BinaryRecords]:
-        """Open a file."""
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            yield cls(path, content)
-
-    def __init__(self, path: Path, content: mmap.mmap) -> None:
-        self.path, self.content, self.size = path, content, len(content)
+    def __init__(self, path: Path) -> None:
+        self.path, self.content = path, FileBytes(path)
+        self.size = len(self.content)
         self.at = 0
-        order = "<" if struct.unpack_from("<i", content)[0] in _HEADER_BYTES else ">"
+        order = "<" if self.content.unpack(struct.Struct("<i"), 0)[0] in _HEADER_BYTES else ">"
         self.marker = struct.Struct(order + "i")
-        length = self.marker.unpack_from(content)[0]
+        length = self.content.unpack(self.marker, 0)[0]
         if length not in _HEADER_BYTES:
             raise ReadError(
                 f"{path}: not a binary OP4 file: it opens with a record of {length} bytes instead of 24 or 48"
@@ -66,12 +57,12 @@ class BinaryRecords:
         start = self.at + 4
         if start > self.size:
             raise self._cut(what, start)
-        length = self.marker.unpack_from(self.content, self.at)[0]
+        length = self.content.unpack(self.marker, self.at)[0]
         if length < 0:
             raise self._damaged(what, f"opens with the length {length}")
         if start + length + 4 > self.size:
             raise self._cut(what, start + length + 4)
-        closing = self.marker.unpack_from(self.content, start + length)[0]
+        closing = self.content.unpack(self.marker, start + length)[0]
         if closing != length:
             raise self._damaged(what, f"opens with the length {length} and closes with {closing}")
         self.at = start + length + 4
@@ -98,7 +89,7 @@ class BinaryRecords:
             start, length = self._record(what)
             if length != self.header.size:
                 raise self._damaged(what, f"has {length} bytes instead of {self.header.size}")
-            cols, rows, form, kind, raw = self.header.unpack_from(self.content, start)
+            cols, rows, form, kind, raw = self.content.unpack(self.header, start)
             # NASTRAN spreads a name over words of eight bytes, four letters in each.
             spread = self.wide and not raw[4:8].strip(b" \0")
             name = (raw[:4] + raw[8:12] if spread else raw).decode("latin-1").strip(" \0")
@@ -125,7 +116,7 @@ class BinaryRecords:
             start, length = self._record(what)
             if length < self.column.size:
                 raise self._damaged(what, f"has {length} bytes, too few for a column")
-            col, row, words = self.column.unpack_from(self.content, start)
+            col, row, words = self.content.unpack(self.column, start)
             if col > header.cols:
                 return
             if col <= last:
@@ -148,11 +139,11 @@ class BinaryRecords:
                 continue
             while start < end:
                 if header.bigmat:
-                    length, first = self.place.unpack_from(content, start)
+                    length, first = content.unpack(self.place, start)
                     start += self.place.size
                     length -= 1
                 else:
-                    (both,) = self.row.unpack_from(content, start)
+                    (both,) = content.unpack(self.row, start)
                     start += self.word
                     length, first = (both >> 16) - 1, both & 0xFFFF
                 count, stop = length * self.word // size, start + length * self.word

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import mmap
 import re
 from array import array
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read.files import FileBytes
 from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, check_size
 from cmsreduce.read.nastran.op4_header import ROWS_FOR_BIGMAT, TYPES, Op4Header
 from cmsreduce.read.numbers_at_once import reals_of
@@ -76,8 +75,6 @@ class PrintedRecords:
     ----------
     path : Path
         The file.
-    content : mmap
-        Its bytes.
 
     Raises
     ------
@@ -85,20 +82,14 @@ class PrintedRecords:
         If the file ends early, a line is too short, or a size is absurd; with the line.
     """
 
-    @classmethod
-    @contextmanager
-    def of(cls, path: Path) -> Iterator[PrintedRecords]:
-        """Open a file."""
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            yield cls(path, content)
-
-    def __init__(self, path: Path, content: mmap.mmap) -> None:
-        self.path, self.content = path, content
+    def __init__(self, path: Path) -> None:
+        self.path, self.content = path, FileBytes(path)
         self.number = 0
         self.place = ""
-        blocks = range(0, len(content), _AT_ONCE)
-        newlines = [_newlines(content[start : start + _AT_ONCE]) + start for start in blocks]
-        ends = np.concatenate([*newlines, np.array([len(content)] if content[-1:] != b"\n" else [], dtype=np.int64)])
+        content, size = self.content, len(self.content)
+        newlines = [_newlines(content[start : start + _AT_ONCE]) + start for start in range(0, size, _AT_ONCE)]
+        last = [size] if content[size - 1 : size] != b"\n" else []
+        ends = np.concatenate([*newlines, np.array(last, dtype=np.int64)])
         starts = np.concatenate([[0], ends[:-1] + 1])
         # An array of Python is indexed one by one in a third of the time.
         self.starts, self.lengths = array("q", starts.tobytes()), array("q", (ends - starts).tobytes())
