@@ -122,9 +122,9 @@ def _nodal_mass(table: DofTable, nodes: Nodes, blocks: Array) -> sp.csc_array:
     at = nodes.index(table.node[::_SIX])
     turned = np.kron(np.eye(2), np.ones((3, 3))) * np.tile(nodes.frame[at], (1, 2, 2))
     along = turned @ blocks[at] @ turned.transpose(0, 2, 1)
-    mass = sp.block_diag(list(along), format="csc")
+    mass = sp.csc_array(sp.bsr_array((along, np.arange(at.size), np.arange(at.size + 1))))
     mass.eliminate_zeros()
-    return sp.csc_array(mass)
+    return mass
 
 
 def _followed(body: FEModel, table: DofTable, shapes: sp.csr_array, m: sp.csc_array) -> FEModel:

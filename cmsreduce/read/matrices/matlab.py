@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -91,7 +92,9 @@ def _load(path: Path, name: str) -> LabelledMatrix:
 def _variable(path: Path, name: str) -> Any:
     from scipy.io import loadmat
 
-    variables = _by_scipy(path, f"variable '{name}'", lambda: loadmat(str(path), variable_names=[name]))
+    # Early versions give no choice, and version 1.20 another one by itself.
+    kind: dict[str, Any] = {"spmatrix": False} if "spmatrix" in inspect.signature(loadmat).parameters else {}
+    variables = _by_scipy(path, f"variable '{name}'", lambda: loadmat(str(path), variable_names=[name], **kind))
     return variables[name]
 
 

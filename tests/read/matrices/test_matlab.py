@@ -1,6 +1,7 @@
 """MATLAB files of every level."""
 
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -181,3 +182,16 @@ def test_a_file_without_matrices_says_what_its_variable_is(tmp_path: Path) -> No
         for read in (matrix_names, read_matrix):
             with pytest.raises(ReadError, match=message):
                 read(path)
+
+
+def test_the_kind_of_sparse_matrix_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """scipy 1.18 warns where it is not: its version 1.20 gives another kind."""
+    path, load = tmp_path / "body.mat", scipy.io.loadmat
+
+    def later(name: str, *, spmatrix: bool | None = None, **options: Any) -> Any:
+        assert spmatrix is False
+        return load(name, **options)
+
+    scipy.io.savemat(path, {"K": sp.csc_array(np.diag([1.0, 2.0, 3.0]))})
+    monkeypatch.setattr("scipy.io.loadmat", later)
+    assert read_matrix(path, "K").A.diagonal().tolist() == [1.0, 2.0, 3.0]
