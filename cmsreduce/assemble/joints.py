@@ -212,6 +212,14 @@ def _joint_rows(
             for face, body in ((first, a), (second, b))
         )
         differ = [DOF_NAMES[dof] for dof in locked if here[dof] != there[dof]]
+        if differ and digits(first, k) == digits(second, k):
+            along = _xyz((axes if (dof := DOF_NAMES.index(differ[0])) < 3 else turning)[dof % 3])
+            at = " and ".join(f"node {face.node[k]}" if face.node[k] >= 0 else "a position" for face in (first, second))
+            raise SceneError(
+                f"joint '{joint.name}' locks {differ[0]} along {along}, but only one of '{joint.first}' and "
+                f"'{joint.second}' can move so: {at} have dofs {digits(first, k)} both, but of axes that are turned. "
+                "Give both all axes in which they turn, such as 126 in a plane"
+            )
         if differ:
             raise SceneError(
                 f"joint '{joint.name}' locks {', '.join(differ)}, but only one of '{joint.first}' (dofs "

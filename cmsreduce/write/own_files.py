@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -23,8 +24,9 @@ _PAGE_HEAD = 1 << 20
 _RUN_FOLDERS = ("stages", "points")
 # A pipeline may be JSON, too, and has the first two.
 _SUMMARY_KEYS = {"name", "components", "configurations", "worst"}
-# The files that runs wrote into a folder; those of the last run that have no seal, with their digests.
+# The files that runs wrote into a folder; those of the last run with their digests, or that they have a seal.
 _RECORD = f"{_RUN_FOLDERS[0]}/written.json"
+_SEALED = "sealed"
 _REMEDY = "choose another `output:` (or --out), or move the file away"
 
 
@@ -44,12 +46,14 @@ def refuse_foreign(outputs: Iterable[Path], inputs: Sequence[Path] = ()) -> None
     Raises
     ------
     WriteError
-        For the first file that is foreign or an input.
+        For the first file that is foreign, an input, or in a folder that this user may not write in.
     ReadError
         For a file that cannot be read, and may be either.
     """
     given = {path.resolve() for path in inputs if path.exists()}
     for path in outputs:
+        if path.parent.is_dir() and not os.access(path.parent, os.W_OK):
+            raise WriteError(f"{path}: you have no permission to write in this folder; {_REMEDY}")
         if not path.exists():
             continue
         if path.resolve() in given:
@@ -91,7 +95,7 @@ def record_outputs(folder: Path, outputs: Iterable[Path], written: Iterable[Path
     outputs : iterable of Path
         Files that the run is about to write, or has written.
     written : iterable of Path
-        Those of them that are complete; `refuse_changed` looks at files of other programs, which have no seal.
+        Those of them that are complete; `refuse_changed` looks at them.
 
     Returns
     -------
@@ -106,7 +110,10 @@ def record_outputs(folder: Path, outputs: Iterable[Path], written: Iterable[Path
     found: dict[str, str] = dict.fromkeys(
         [*(_recorded(folder) or {}), *(_within(folder, path) for path in outputs)], ""
     )
-    found |= {_within(folder, path): _digest(path) for path in written if path.is_file() and not is_result(path)}
+    # A seal of its own tells whether a result is as it was written, but not whether it is there.
+    found |= {
+        _within(folder, path): _SEALED if is_result(path) else _digest(path) for path in written if path.is_file()
+    }
     record = folder / _RECORD
     with atomic_path(record) as temporary:
         temporary.write_text(json.dumps(found, indent=1, sort_keys=True), encoding="utf-8")
@@ -114,7 +121,7 @@ def record_outputs(folder: Path, outputs: Iterable[Path], written: Iterable[Path
 
 
 def refuse_changed(folder: Path) -> None:
-    """Refuse a run directory in which a file of another program is not as its last run wrote it.
+    """Refuse a run directory in which a file is gone, or one of another program is not as its last run wrote it.
 
     Raises
     ------
@@ -127,7 +134,7 @@ def refuse_changed(folder: Path) -> None:
         if not (path := folder / name).is_file():
             raise ReadError(f"{path}: the run wrote this file, and it is gone; write it again with `cmsreduce run`")
         refuse_unreadable(path)
-        if _digest(path) != digest:
+        if digest != _SEALED and _digest(path) != digest:
             raise ReadError(
                 f"{path}: the file is damaged, or was changed after the run wrote it; write it again with "
                 "`cmsreduce run`"

@@ -329,6 +329,15 @@ REFUSED = {
 }  # fmt: skip
 
 
+def test_the_same_dofs_of_turned_axes_are_refused_by_node_and_direction():
+    """The message asked for the same dofs, which both have."""
+    far = rigid_body("far", 1.0, [1, 0, 0], [1, 1, 1], {"h": [0, 0, 0]}, dofs=(2, 6))
+    placed = {"far": Placement(rotation(UP, 0.5), HINGE_AT)}
+    words = r"'j' locks y along \(0, 1, 0\), .*: node 3 and a position have dofs 26 both, but of axes that are turned"
+    with pytest.raises(SceneError, match=words):
+        system((bar(dofs=(2, 6)), far), [joint("j", "bar.h", "far.h", "rz")], placements=placed)
+
+
 @pytest.mark.parametrize(("bodies", "bad", "error", "message"), REFUSED.values(), ids=REFUSED)
 def test_refused(bodies, bad, error, message):
     with pytest.raises(error, match=message):

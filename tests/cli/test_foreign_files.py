@@ -42,6 +42,34 @@ def test_a_result_that_may_not_be_read_is_said_to_be_so(study: Path, monkeypatch
         assert found.exit_code == 2 and f"{path}: you have no permission to read" in found.stderr
 
 
+def test_a_folder_that_may_not_be_written_is_refused_before_anything_is_computed(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its stages may be in a folder that can be written: everything was computed, and then lost."""
+    out = study.parent / "out"
+    out.mkdir()
+    monkeypatch.setattr("os.access", lambda name, mode: Path(name) != out or mode != os.W_OK)
+    found = call("run", study, "--quiet")
+    assert found.exit_code == 2 and "you have no permission to write in this folder; choose another" in found.stderr
+    assert not (out / "stages").exists()
+
+
+@pytest.mark.parametrize("name", ["arm.h5", "system.h5"])
+def test_a_check_sees_results_that_are_gone(study: Path, name: str) -> None:
+    assert call("run", study, "--quiet", "--set", "write.formats=[hdf5]").exit_code == 0
+    path = study.parent / "out" / name
+    path.unlink()
+    found = call("check", path.parent)
+    assert found.exit_code == 2 and f"{path}: the run wrote this file, and it is gone" in found.stderr
+
+
+def test_component_files_are_no_runs_to_compare(study: Path) -> None:
+    assert call("run", study, "--quiet", "--set", "write.formats=[hdf5]").exit_code == 0
+    found = call("diff", study.parent / "out" / "arm.h5", study.parent / "out" / "panel.h5")
+    assert found.exit_code == 2 and "this is a component file, not a run" in found.stderr
+    assert "`cmsreduce check FILE --baseline OTHER`" in found.stderr
+
+
 def test_a_check_sees_files_of_other_programs_that_are_not_as_written(study: Path) -> None:
     """They have no seal; the record of the run has their digests."""
     path = study.parent / "out" / "panel.SID_FEM"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read import expect_kind, file_kind
 from cmsreduce.write import read_summary
 
 __all__ = ["DifferenceRow", "run_difference"]
@@ -73,7 +74,13 @@ def run_difference(a: Path, b: Path) -> list[DifferenceRow]:
 
 
 def _figures(path: Path) -> dict[str, Any]:
+    expect_kind(path, "result")
     file = path / "summary.json" if path.is_dir() else path
+    if file.is_file() and file_kind(file).name == "component":
+        raise ReadError(
+            f"{path}: this is a component file, not a run; name the folders of two runs, or compare two component "
+            "files by `cmsreduce check FILE --baseline OTHER`"
+        )
     if not file.is_file():
         raise ReadError(f"{path}: there is no summary.json; give the output directory of a finished run")
     facts = read_summary(file)
