@@ -192,6 +192,10 @@ def test_a_body_with_a_reduction_of_its_own(opened: Callable[..., Run]) -> None:
     [
         (("balance.keep={modes: {arm: 12}}",), "12 modes of 'arm' .* has 11"),
         (("balance.keep={frf_error: 1e-12}",), "frf_error 1e-12 cannot be met: all 24 modes"),
+        (
+            ("balance.keep={frf_error: 1e-12}", "reduce.method=guyan"),
+            r"Raise .*, take `reduce: \{method: macneal-rubin\}`",
+        ),
         (("balance.keep={frf_error: 0.1}", "scene.sensors={}"), "needs a response"),
     ],
 )
