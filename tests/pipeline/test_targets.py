@@ -265,7 +265,7 @@ def test_a_superelement_needs_shapes_for_its_interface(finished_study: Path, tmp
         shapes[...] = component.arrays["interfaces/root/shapes"]
     result = CliRunner().invoke(main, ["convert", str(out), str(tmp_path / "arm.op4")])
     assert result.exit_code == 2
-    assert "cannot move its 12 interface dofs independently" in result.output
+    assert "cannot move its 12 interface dofs independently; keep all modes (`balance: {keep: all}`)" in result.output
 
 
 def test_the_help_of_convert_names_every_target() -> None:

@@ -20,6 +20,7 @@ _DEPENDENT = 1e-9
 # Relative to the largest damping: round-off of the products that form it.
 _UNDAMPED = 1e-12
 _SIX = 6
+_REMEDY = "keep all modes (`balance: {keep: all}`) of `method: craig-bampton` or `macneal-rubin`"
 
 Array = NDArray[np.float64]
 
@@ -179,7 +180,7 @@ def _constraint_modes(component: ComponentFile, shapes: Array, stiffness: Array)
     r, i = component.rigid_count, shapes.shape[0]
     scale = 1 / np.linalg.norm(shapes, axis=1)
     if not np.isfinite(scale).all():
-        raise WriteError(f"component '{component.name}': an interface dof moves in no mode kept; keep more modes")
+        raise WriteError(f"component '{component.name}': an interface dof moves in no mode kept; {_REMEDY}")
     scaled = scale[:, None] * shapes
     rigid, strained = scaled[:, :r], scaled[:, r:] / np.sqrt(stiffness[r:])
     # Rigid motions need no strain energy; only the remaining motions of the interface strain the body.
@@ -188,7 +189,7 @@ def _constraint_modes(component: ComponentFile, shapes: Array, stiffness: Array)
     if np.linalg.matrix_rank(left.T @ scaled[:, r:], tol=_DEPENDENT) < left.shape[1]:
         raise WriteError(
             f"component '{component.name}': its {shapes.shape[1]} modes cannot move its {i} interface dofs "
-            "independently; keep more modes, or the constraint modes of the interface"
+            f"independently; {_REMEDY}"
         )
     p = np.linalg.pinv(remaining) @ left.T if left.shape[1] else np.zeros((strained.shape[1], i))
     q = np.linalg.pinv(rigid, rcond=_DEPENDENT) @ (np.eye(i) - strained @ p)
