@@ -32,6 +32,7 @@ _APART = r"[ \t\r,]"
 _MIRROR = {"general": 0.0, "symmetric": 1.0, "hermitian": 1.0, "skew-symmetric": -1.0}
 # Comments and empty lines, then the sizes.
 _HEAD = re.compile(rb"(?:[ \t\r]*(?:%[^\n]*)?\n)*[^\n]*\n?")
+_COMMENT = re.compile(rb"\n[ \t]*%[^\n]*")
 _HEAD_BYTES = 1 << 20  # more than comments take
 # A file whose banner is misspelt must not pass as a text of entries, of which the sizes would be the first.
 _BANNER = re.compile(rb"(?:\xef\xbb\xbf)?\s*%{1,2}\s*MatrixMarket", re.IGNORECASE)
@@ -189,8 +190,8 @@ def _load(
     text = read_lines(path)
     head = _HEAD.match(text)
     end = head.end() if head else 0
-    # Lines up to the sizes become empty, so that the other lines keep their numbers.
-    body = b"\n" * text.count(b"\n", 0, end) + text[end:]
+    # Comments and the lines up to the sizes become empty, so that the other lines keep their numbers.
+    body = _COMMENT.sub(b"\n", b"\n" * text.count(b"\n", 0, end) + text[end:])
     expected = count if array is None else array
     if not expected and not body.strip():
         # Zeros, such as of no damping.

@@ -195,8 +195,8 @@ def _check_end(path: Path, cards: CardTable, is_header: NDArray[np.bool_]) -> No
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - _LINE))
         *_, end = file.read().split(b"\n")
-    # Programs write fields of sixteen characters, and programs end every line.
-    if b"*" in end[:8]:
+    # Programs write fields of sixteen characters and end every line. A number that fills its field is whole.
+    if b"*" in end[:8] and len(end) not in (56, 72):
         raise ReadError(
             f"{path}: the file ends within the line '{end.decode('latin-1').strip()[:60]}', so it is probably "
             "truncated: punch or copy it again, or end that line if it is whole"

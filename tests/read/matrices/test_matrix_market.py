@@ -54,6 +54,13 @@ def test_rounding_is_that_of_the_print(tmp_path: Path) -> None:
     assert abs(found.A - K).max() <= 10 * 5e-8 * 4e6
 
 
+@pytest.mark.parametrize("tail", ["% end\n", " \t% end", "\n  \n", "\n% end\n\n  "])
+def test_comments_and_blank_lines_may_follow_entries(tmp_path: Path, tail: str) -> None:
+    path = tmp_path / "body.mtx"
+    path.write_text(HEAD + "1 1 2.0\n% a comment\n\n2 2 3.0\n" + tail)
+    assert np.array_equal(read_matrix(path).A.toarray(), np.diag([2.0, 3.0, 0.0]))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -61,6 +68,7 @@ def test_rounding_is_that_of_the_print(tmp_path: Path) -> None:
         (HEAD + "1 1 2.0\n2 2 3.0\n3 3 1.0\n", "has 3 entries where its header says 2"),
         (HEAD + "1 1 2.0\n2 4 3.0\n", "row 2, column 4 of a 3 x 3"),
         (HEAD + "1 1 2.0\n0 2 3.0\n", "row 0, column 2 of a 3 x 3"),
+        (HEAD + "% c\n1 1 2.0\n2 2 3.O\n", "line 6.*: '2 2 3.O' is not an entry"),
         (HEAD + "1 1 2.0\n2 2 3.O\n", "line 5.*: '2 2 3.O' is not an entry"),
         # scipy's own reader ends the process on such a file.
         (HEAD + "1 1 2.0\n2 2 6.7976501741784666E", "line 5 .the last of the file, so it is probably truncated"),

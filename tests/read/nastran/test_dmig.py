@@ -199,12 +199,20 @@ def test_cut_punch_file_is_refused(tmp_path: Path) -> None:
     text = wide(LOWER, 6)
     column = text.rindex("DMIG*")
     for cut in [*range(column - 75, column), *range(column + 8, len(text) - 1)]:
-        # One cut in sixty ends a whole line; such a file looks like one that was meant to end there.
-        if text[cut - 1] == "\n" and cut < column:
+        # Two cuts in sixty end a whole line; such a file looks like one that was meant to end there.
+        if "\n" in text[cut - 1 : cut + 1] and cut < column:
             continue
         path.write_text(text[:cut])
         with pytest.raises(ReadError, match=r"truncated|needs a|should be an integer"):
             read_matrix(path)
+
+
+@pytest.mark.parametrize("imaginary", [False, True])
+def test_a_last_line_whose_fields_are_full_needs_no_end(tmp_path: Path, imaginary: bool) -> None:
+    path = tmp_path / "k.pch"
+    text = with_imaginary(wide(LOWER, 6, 4), 0.0) if imaginary else wide(LOWER, 6)
+    path.write_text(text.rstrip())
+    assert np.array_equal(read_matrix(path).A.toarray(), K)
 
 
 @pytest.mark.shared
