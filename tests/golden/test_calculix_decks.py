@@ -12,6 +12,7 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError, SceneError
 from cmsreduce.mechanics import hold_undetermined
+from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.pipeline.evidence.deck_agreement import statement_of
 from cmsreduce.read import MatrixSource, prove_row_order, read_geometry, read_parameter_matrix
 from tests.golden.calculix_bodies import Deck, body, solve
@@ -199,9 +200,25 @@ def test_a_row_of_single_solids_of_reduced_integration_is_named(tmp_path):
     found = hold_undetermined(read(tmp_path))
     rows = sp.csr_array(([1.0], ([0], [found.body.dofs.rows(deck.at(0.5)[0], 2)[0]])), shape=(1, found.body.n))
     with pytest.raises(
-        SceneError, match=r"no node is at rest in it\. Solids of reduced integration.*: mesh two across"
+        SceneError,
+        match=r"no node beside its interfaces is at rest in it\. Solids of reduced integration.*: mesh two across",
     ):
         found.check_untouched(rows, "sensor 'motion'")
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_drafted_row_of_single_solids_is_seen_far_from_its_mount(tmp_path, monkeypatch, held):
+    monkeypatch.chdir(tmp_path)
+    deck = Deck().solid("C3D20R", (4, 1, 1), (1, 0.1, 0.15))
+    deck.nset("ROOT", deck.at(0))
+    solve(tmp_path, "bar", deck.text() + held * "*BOUNDARY\nROOT, 1, 3\n", matrices=True)
+    files = ["bar.sti", "bar.mas", "bar.inp"]
+    draft = draft_body("bar", [tmp_path / name for name in files])
+    # A body that is held is mounted at its tip, and has no rows at its root.
+    assert draft.far in deck.at(0.125 if held else 1)
+    assert CliRunner().invoke(main, ["new", "bar", *files]).exit_code == 0
+    done = CliRunner().invoke(main, ["run", "bar.yaml"])
+    assert done.exit_code == 2 and "mesh two across" in " ".join(done.output.split())
 
 
 @pytest.mark.parametrize("kind", ["C3D8I", "S8R"])

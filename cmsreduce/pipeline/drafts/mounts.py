@@ -81,8 +81,10 @@ def _placed(draft: BodyDraft, body: FEModel, *places: Place) -> BodyDraft:
     axes = translations_of(body.dofs, node)
     # A node that is tied has no rows of its own.
     tied = [node for place in places if place.tied for node in place.nodes]
-    tied += undetermined_nodes(body).tolist()
-    seen = np.flatnonzero(np.isin(body.nodes.id, np.setdiff1d(moving_along(body.dofs, axes), tied)))
+    others = np.setdiff1d(moving_along(body.dofs, axes), tied)
+    # In a row of solids of reduced integration every node is one of these.
+    determined = np.setdiff1d(others, undetermined_nodes(body))
+    seen = np.flatnonzero(np.isin(body.nodes.id, determined if determined.size else others))
     # A tie is about the centroid of its nodes.
     about = body.nodes.xyz[body.nodes.index(first.nodes if first.tied else node)].mean(axis=0)
     away = np.linalg.norm(body.nodes.xyz[seen] - about, axis=1)
