@@ -17,6 +17,7 @@ from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.results import check_result
 from cmsreduce.pipeline.results.limits import Limits
 from tests.frames import line
+from tests.linalg.eigen.test_null_space import planar_beam
 from tests.pipeline.study import CANTILEVER, write_body
 from tests.verify.test_input_rounding import wing
 
@@ -88,6 +89,45 @@ def test_a_component_file_is_checked_to_the_digits_of_its_nodes(opened: Callable
     assert len(momentum) == 2 and max(each.value for each in momentum) > 1e-8
     assert all(each.limit < 1e-4 for each in momentum)
     assert result is not None and verdict.word == result.verdict.word == "not checked"
+
+
+SLENDER = """\
+name: slender
+output: {output}
+components:
+  beam:
+    stiffness: K.npy
+    mass: M.npy
+    geometry: beam.bdf
+    rows: rows.txt
+    interfaces: {{tip: {{node: 41, dofs: [2]}}}}
+    damping: {{modal: 0.01}}
+scene:
+  band: 5 Hz
+  actuators: {{push: {{at: beam.tip, force: [0, 1, 0]}}}}
+  sensors: {{up: {{at: beam.tip, measure: [y]}}}}
+reduce: {{method: macneal-rubin, cutoff: 3}}
+verify: {{limits: {{frf_error: 0.05}}}}
+"""
+
+
+@pytest.mark.parametrize(("digits", "state", "off"), [(7, "unproven", 5e-3), (12, "proven", 2e-5)])
+def test_digits_that_do_not_bound_a_frequency_prove_no_rigid_motions(
+    opened: Callable[..., Run], study: Path, digits: int, state: str, off: float
+) -> None:
+    """A clamped beam of 40 elements of unit properties."""
+    for name, A in zip("KM", planar_beam(40, held=(0, 1)), strict=False):
+        np.save(study.parent / f"{name}.npy", rounded(A.toarray() / 7, digits))
+    grids = "".join(f"GRID,{node},,{(node - 1) / 40!r},0.,0.\n" for node in range(1, 42))
+    (study.parent / "beam.bdf").write_text(f"BEGIN BULK\n{grids}SPC1,1,123456,1\nENDDATA\n")
+    (study.parent / "rows.txt").write_text("".join(f"{node}.2\n{node}.6\n" for node in range(2, 42)))
+    result = execute(opened(text=SLENDER), study, report=False)
+    proof = next(proof for proof in result.components["beam"].proofs if proof.what == "rigid motions")
+    assert proof.state == state
+    said = "beam: the digits of the files do not bound the error of 0.55"
+    assert any(note.startswith(said) for note in result.notes) == (state == "unproven")
+    # The closed form of a clamped beam.
+    assert result.components["beam"].modes.frequencies_hz[0] == pytest.approx(1.87510407**2 / (2 * np.pi), rel=off)
 
 
 CONDENSED = """\

@@ -14,7 +14,7 @@ from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.report import InspectedLine, number, numbers
 from cmsreduce.verify import EffectiveMass, MassProperties
 
-__all__ = ["effective_mass_data", "effective_mass_lines", "error_bar", "health_table"]
+__all__ = ["UNBOUNDED", "effective_mass_data", "effective_mass_lines", "error_bar", "health_table"]
 
 # Largest relative difference of the mass between two directions: files of six digits have as much.
 _ONE_MASS = 1e-6
@@ -28,6 +28,8 @@ _CONTRAST = 1e12
 _STORED, _NAMED = 20, 5
 # Modes with less than this share of the mass in every direction have no line of their own.
 _SHOWN = 0.05
+UNBOUNDED = 1.0
+"""Relative error bar beyond which the files say nothing of a frequency: K may even not resist its motion."""
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -208,11 +210,14 @@ def error_bar(hz: NDArray[np.float64], error_hz: NDArray[np.float64], limit: flo
     share = error_hz / hz
     at = int(share.argmax())
     value = {"hz": float(hz[at]), "error_hz": float(error_hz[at]), "modes": int(np.count_nonzero(share > limit))}
+    words = f"{number(value['hz'], 6)} Hz is known to {number(value['error_hz'], 2)} Hz ({100 * share[at]:.2g} %)"
+    if share[at] > UNBOUNDED:
+        words = f"the digits of the files do not bound the error of {number(value['hz'], 6)} Hz"
     yield HealthFinding(
         ("frequency_error_bar",),
         "error bars of frequencies by the rounding of the files",
         value,
-        f"{number(value['hz'], 6)} Hz is known to {number(value['error_hz'], 2)} Hz ({100 * share[at]:.2g} %)",
+        words,
         float(share[at]),
         limit,
         "the matrices have too few digits: write them in double precision, before any condensation that costs digits",

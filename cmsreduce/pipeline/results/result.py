@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from cmsreduce.model import (
     ComponentResult,
     Configuration,
     Finding,
+    HealthFinding,
     ModalComponent,
     ModeCertificate,
     Proof,
@@ -21,7 +23,7 @@ from cmsreduce.model import (
 )
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline.bodies import damping_proof
-from cmsreduce.pipeline.results.health import error_bar, health_table
+from cmsreduce.pipeline.results.health import UNBOUNDED, error_bar, health_table
 from cmsreduce.pipeline.results.mass_and_frame import frame_checks, frame_of
 from cmsreduce.pipeline.results.simulation_cost import simulation_costs
 from cmsreduce.pipeline.results.step_advice import (
@@ -144,7 +146,7 @@ def _result(run: Run) -> RunResult:
             rounding=body_rounding(run.final[name]),
             health=(*health_table(flexible.body, flexible.health), *known[name]),
             proofs=(
-                *(replace(proof, subject=proof.subject or name) for proof in flexible.proofs),
+                *(_to_the_digits(replace(each, subject=each.subject or name), known[name]) for each in flexible.proofs),
                 damping_proof(flexible.body, flexible.damping, run.modal(name)),
                 mode_count(name, run.modal(name).certificate),
             ),
@@ -188,6 +190,14 @@ def _result(run: Run) -> RunResult:
         between=verified.between if verified is not None else None,
         proofs=(run.stability,),
     )
+
+
+def _to_the_digits(proof: Proof, bars: Iterable[HealthFinding]) -> Proof:
+    """The proof; that of the rigid motions fails where the digits of the files do not bound an elastic frequency."""
+    lost = [bar.words for bar in bars if bar.judged > UNBOUNDED]
+    if proof.what != "rigid motions" or proof.state != "proven" or not lost:
+        return proof
+    return replace(proof, state="unproven", remark=f"{proof.remark}, but {lost[0]}")
 
 
 def mode_count(name: str, certificate: ModeCertificate | None) -> Proof:
