@@ -123,6 +123,15 @@ def rows_on_body(body: FEModel, channel: Channel) -> list[Array]:
         In the scene's units.
     channel : Channel
         Of the scene. The line to another body turns with the joints: it has three rows at its end.
+
+    Returns
+    -------
+    list of (n,) float64
+
+    Raises
+    ------
+    SceneError
+        If the channel sits on a node that the body does not have.
     """
     return [each.row for each in _channels(body, [channel])]
 

@@ -49,7 +49,7 @@ def rows_alone(body: FEModel) -> tuple[NDArray[np.int64], str]:
         f"{rows.size} rows have a stiffness and a mass of their own and share neither with others "
         f"({', '.join(body.dofs[rows[:_NAMED_PARTS]].labels)}{' ...' if rows.size > _NAMED_PARTS else ''}). If they "
         "are supports of which the program kept the diagonal (DIAG_KEEP of MFEM), write 1 there in both matrices "
-        "(DIAG_ONE), or leave these rows out"
+        "(DIAG_ONE), or leave these rows out; the end of a straight bar, or a mass on a spring, is sound as it is"
     )
 
 
@@ -90,7 +90,9 @@ def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) ->
         order = np.argsort(-sizes)
         alone, why = rows_alone(body)
         if why and np.isin(np.flatnonzero(part != order[0]), alone).all():
-            raise MatrixError(f"body '{body.name}' is not one piece: {why}; masses that are meant are components")
+            raise MatrixError(
+                f"body '{body.name}' is not one piece: {why}. Make a mass that is meant a component of its own"
+            )
         named = [
             f"{len(np.unique(body.dofs.node[part == p]))} nodes around node {body.dofs.node[part == p][0]}"
             for p in order[:_NAMED_PARTS]

@@ -19,7 +19,7 @@ from struct import Struct
 from threading import Lock
 from typing import Any
 
-from cmsreduce.errors import ReadError, refuse_device
+from cmsreduce.errors import CmsReduceError, ReadError, refuse_device
 
 __all__ = [
     "HEADERS",
@@ -78,9 +78,13 @@ def files_read() -> Iterator[dict[Path, str]]:
     token = _READ.set(found)
     try:
         yield found
+    except CmsReduceError:
+        # What was wrong may be that the file was half written.
+        refuse_rewritten(found)
+        raise
     finally:
         _READ.reset(token)
-        refuse_rewritten(found)
+    refuse_rewritten(found)
 
 
 def refuse_rewritten(files: Mapping[Path, str]) -> None:
@@ -273,6 +277,7 @@ class FileBytes:
 
     def __getitem__(self, part: slice) -> bytes:
         start, stop, _ = part.indices(self._size)
+        stop = max(start, stop)
         at = self._at(start, stop - start)
         return self._block[at : at + stop - start]
 

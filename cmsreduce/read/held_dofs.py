@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import DOUBLE, SCALAR, DofTable, Nodes
@@ -101,15 +102,16 @@ def without_support_rows(
     """
     K = matrices[0].A
     diagonal = K.diagonal()
-    # By rows: some programs leave the columns as they are.
-    beside = np.bincount(K.indices, abs(K.data), len(table)) - abs(diagonal)
+    # Some programs leave the columns, or the rows, as they are.
+    size = sp.csc_array((np.abs(K.data), K.indices, K.indptr), K.shape)
+    beside = np.minimum(size.sum(axis=0), size.sum(axis=1)) - abs(diagonal)
     alone = (table.component != SCALAR) & (diagonal > 0) & (beside <= DOUBLE * diagonal)
     if inner is not None:
         alone &= inner.rows(table.node, table.component) < 0
     sure = (diagonal == 1) | (DOUBLE * diagonal >= diagonal[~alone].max(initial=0.0))
     for one in matrices[1:]:
         own = one.A.diagonal()
-        alone &= sure | (((own == 0) | (own == 1)) & (np.diff(one.A.indptr) == (own != 0)))
+        alone &= sure | (((own == 0) | (own == 1)) & (_fewest_entries(one.A) == (own != 0)))
     cut = np.flatnonzero(alone)
     k = diagonal[cut]
     if not 0 < 2 * cut.size < len(table) or np.ptp(k) > _ROUNDED * k.max():
@@ -117,3 +119,8 @@ def without_support_rows(
     kept = np.flatnonzero(~alone)
     rest = table[kept]
     return rest, [replace(one, A=one.A[kept][:, kept], dofs=rest) for one in matrices], table[cut]
+
+
+def _fewest_entries(A: sp.csc_array) -> NDArray[np.int64]:
+    """Entries of each row or of each column, where these are fewer (n,)."""
+    return np.minimum(np.diff(A.indptr), np.bincount(A.indices, minlength=A.shape[0]))

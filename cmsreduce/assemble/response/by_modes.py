@@ -20,8 +20,6 @@ Complex = NDArray[np.complex128]
 
 FEWER = 4
 """The part of a receptance between joints, inputs and outputs is formed alone if it has so many times fewer entries."""
-# Memory of the amplitudes of its modes then.
-_BLOCK_BYTES = 2**24
 # Memory of the mode amplitudes of a block of frequencies, which stay in the cache.
 _CACHED_BYTES = 2**21
 
@@ -42,7 +40,13 @@ class ByModes:
     L: Real
 
     def __call__(self, omega: Real) -> Complex:
-        """Receptances (f, p, p) at frequencies (f,) in rad/s."""
+        """Receptances (f, p, p) at frequencies (f,) in rad/s.
+
+        Raises
+        ------
+        MatrixError
+            If a frequency hits a mode without damping.
+        """
         try:
             return _by_modes(self.sub, self.L, omega)
         except ResonanceError as error:
@@ -57,19 +61,25 @@ class ByModes:
         return bool(FEWER * pairs <= self.L.shape[0] ** 2)
 
     def add(self, G: Complex, left: Real, right: Real, omega: Real) -> None:
-        """Add left Y right^T to an array (l, r, f), as `add_between` does."""
+        """Add left Y right^T to an array (l, r, f), for rows (l, p) and (r, p) and frequencies (f,) in rad/s.
+
+        Raises
+        ------
+        MatrixError
+            If a frequency hits a mode without damping.
+        """
         rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
-        try:
-            weights = modal_weights(self.sub, omega).T
-        except ResonanceError as error:
-            raise resonant(self.sub, error) from None
-        force = (right[columns] @ self.L).T
-        if not (rows.size and force.size):
+        motion, force = left[rows] @ self.L, (right[columns] @ self.L).T
+        if not (motion.size and force.size):
             return
-        for own in frequency_blocks(omega.size, 16 * force.size, _BLOCK_BYTES):
-            amplitudes = np.ascontiguousarray(force[:, :, None] * weights[:, None, own])
-            moved = (left[rows] @ self.L) @ amplitudes.view(np.float64).reshape(force.shape[0], -1)
-            G[rows[:, None], columns, own] += moved.view(np.complex128).reshape(rows.size, columns.size, -1)
+        for part in frequency_blocks(omega.size, 16 * (3 * self.sub.m + force.size), _CACHED_BYTES):
+            try:
+                weights = modal_weights(self.sub, omega[part]).T
+            except ResonanceError as error:
+                raise resonant(self.sub, error) from None
+            amplitudes = np.ascontiguousarray(force[:, :, None] * weights[:, None])
+            moved = motion @ amplitudes.view(np.float64).reshape(len(force), -1)
+            G[rows[:, None], columns, part] += moved.view(np.complex128).reshape(rows.size, columns.size, -1)
 
 
 def is_diagonal(sub: Substructure) -> bool:

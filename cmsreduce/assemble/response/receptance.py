@@ -52,7 +52,7 @@ DAMPED_RIGID = 1e-9
 """Damping acts on rigid motion if more than this share of its size is left there; projection leaves less."""
 # Memory of a table of receptances that are used again.
 _TABLE_BYTES = 2**28
-# Memory of the mode amplitudes of a block of frequencies, which stay in the cache.
+# Memory of the dense matrices of a block of frequencies, which stay in the cache.
 _CACHED_BYTES = 2**21
 
 
@@ -164,7 +164,21 @@ def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
 
 
 def add_flexibility(G: Complex, left: Real, of: Receptance, right: Real, omega: Real) -> None:
-    """Add left Y right^T to an array (l, r, f), with the receptance Y of a body at frequencies (f,) in rad/s."""
+    """Add left Y right^T to an array (l, r, f), with the receptance Y of a body at frequencies (f,) in rad/s.
+
+    Parameters
+    ----------
+    G : (l, r, f) complex128
+        Changed in place.
+    left, right : (l, p), (r, p) float64
+    of : Receptance
+    omega : (f,) float64
+
+    Raises
+    ------
+    MatrixError
+        If a frequency hits a resonance of a body without damping.
+    """
     if isinstance(of, ByModes) and of.has_fewer([(left, right)]):
         of.add(G, left, right, omega)
     else:

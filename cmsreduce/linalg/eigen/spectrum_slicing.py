@@ -199,7 +199,7 @@ def counted_modes(
         if below < 0 or above < 0:
             raise MatrixError(
                 f"{shift.below} modes were counted below {sqrt(shift.sigma) / 2 / np.pi:.6g} Hz but more were found: "
-                "the matrices are too ill conditioned for a count; write them in double precision"
+                "the matrices are too ill conditioned for a count; if they have fewer digits, write them in full ones"
             )
         window = Window(shift.sigma, low, high, below, above, min(max(part, below), below + above))
         deflated = np.hstack([rigid, known.near(shift.sigma, low)])

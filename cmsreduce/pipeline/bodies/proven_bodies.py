@@ -174,17 +174,20 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     notes += [note for note in (unused, determined.note, alone and f"{name}: {alone}") if note]
     # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
     shown = None
-    if proof.status == "proven" and proof.motions and not determined.held:
+    if proof.status == "proven" and proof.motions:
         # Rows along a plane or a line do not show all six.
         shown = min(proof.motions, _shown_motions(body))
+        if determined.held and rigid.shape[1] < shown:
+            shown = None
     # A later run, in another folder, draws the elements of these files.
     found = tuple(replace(source, path=str(Path(source.path).absolute())) for source in body.sources)
     parts = {field.name: getattr(body, field.name) for field in fields(body) if field.name != _SOUND}
     counted = rigid_motions_proof(body, rigid.shape[1], shown)
     if shown is None and counted.state == "unproven":
+        more = "" if body.nodes is not None else ", or give `geometry:`"
         notes.append(
             f"{name}: {counted.remark} to {counted.digits:.0f} digits; if the body is held, these are its softest "
-            "modes, which are lost: write the stiffness in double precision, or give `geometry:`"
+            f"modes, which are lost: write the stiffness in double precision{more}"
         )
     every = (*proved.proofs, counted)
     return ProvenBody(

@@ -62,6 +62,11 @@ class Candidate:
         """Name and file in words."""
         return f"{self.name} in {self.matrix.path}" if self.name else str(self.matrix.path)
 
+    def moves_all_of(self, stiff: Sequence[Candidate]) -> bool:
+        """True if its diagonal is positive in every row of a stiffness; dashpots leave most rows alone."""
+        n, mass = self.matrix.A.shape[0], self.matrix.A.diagonal()
+        return any(one.matrix.A.shape[0] == n and (mass[one.matrix.A.diagonal() > 0] > 0).all() for one in stiff)
+
     def called(self, letter: str) -> bool:
         """True if the matrix, or else its file, has the name of a stiffness (k) or of a mass (m)."""
         stem = self.matrix.path.stem.lower()
@@ -190,7 +195,7 @@ def stiffness_and_mass(
     heavy = [one for one in candidates if one.quiet <= LOUD and one.massive]
     if stiff and not heavy:
         # Corners of quadratic triangles have no share of a uniform load: the entries of their rows add up to zero.
-        heavy = [one for one in candidates if one.quiet < QUIET and one.massive]
+        heavy = [one for one in candidates if one.quiet < QUIET and one.massive and one.moves_all_of(stiff)]
     held = ", ".join(one.words for one in every) + "".join(f" (left out: {reason})" for reason in left_out)
     if stiff and not heavy and len(stiff) == len(candidates):
         same = _twice(stiff)
