@@ -19,6 +19,7 @@ from cmsreduce.pipeline.results.limits import Limits
 from tests.frames import line
 from tests.linalg.eigen.test_null_space import planar_beam
 from tests.pipeline.study import CANTILEVER, write_body
+from tests.solids import block
 from tests.verify.test_input_rounding import wing
 
 # The files of the arm under the names that the study gives them.
@@ -48,6 +49,25 @@ def saved(study: Path) -> Callable[..., FEModel]:
         return body
 
     return make
+
+
+def test_empty_rotations_leave_the_rigid_motions_proven(
+    opened: Callable[..., Run], study: Path, saved: Callable[..., FEModel]
+) -> None:
+    """Matrices of solids with six dofs a node: the rows of rotations are empty, and are held."""
+    saved(9)
+    solid = block("arm", [0.8, 0.2, 0.1], [4, 1, 1])
+    assert solid.nodes is not None
+    write_body(study.parent, solid)
+    place = 6 * np.searchsorted(solid.nodes.id, solid.dofs.node) + solid.dofs.component - 1
+    for name, A in (("K", solid.K), ("M", solid.M)):
+        six = np.zeros((6 * solid.nodes.id.size,) * 2)
+        six[np.ix_(place, place)] = rounded(np.pi * A.toarray(), 9)
+        np.save(study.parent / f"{name}.npy", six)
+    proven = opened(text=FREE)._proven("arm")
+    (counted,) = [proof for proof in proven.proofs if proof.what == "rigid motions"]
+    assert counted.state == "proven" and proven.held and proven.rigid.shape[1] == 6
+    assert not any("softest" in note for note in proven.notes)
 
 
 @pytest.mark.parametrize(("digits", "coarse"), [(None, True), (10, False), (6, True)], ids=["single", "10", "6"])

@@ -55,12 +55,15 @@ def test_rows_of_supports_are_left_out(tmp_path: Path, k: float, m: float, compo
     assert f"{held.size} rows have nothing but one number on the diagonal" in found.remarks[0]
 
 
-def test_rows_of_supports_whose_columns_stay_are_left_out() -> None:
-    """Programs that zero the rows alone leave an unsymmetric matrix, whose columns act on nothing."""
+@pytest.mark.parametrize(("k", "m"), [(1.0, 1.0), (3e9, 1.0), (3e9, 0.0)])
+@pytest.mark.parametrize("across", [False, True], ids=["rows", "columns"])
+def test_rows_of_supports_whose_columns_stay_are_left_out(across: bool, k: float, m: float) -> None:
+    """Programs that zero the rows alone leave an unsymmetric matrix, whose columns act on nothing; or the transpose."""
     body = block("bar", [1.0, 0.3, 0.2], [4, 2, 2])
     K, M = body.K.toarray(), body.M.toarray()
     K[:27], M[:27] = 0.0, 0.0
-    K[range(27), range(27)] = M[range(27), range(27)] = 1.0
+    K[range(27), range(27)], M[range(27), range(27)] = k, m
+    K, M = (K.T, M.T) if across else (K, M)
     parts = [LabelledMatrix(sp.csc_array(A), "a", Path("a.npz"), "numpy", 0.0, body.dofs) for A in (K, M)]
     left, found, held = without_support_rows(body.dofs, parts, None)
     assert (len(left), len(held)) == (body.n - 27, 27)

@@ -231,6 +231,19 @@ def test_stiffness_and_mass_of_quadratic_triangles_in_a_plane(tmp_path: Path, mo
         assert [source[0].stem for source in (found.stiffness, found.mass)] == ["a", "b"]
 
 
+def test_dashpots_are_no_mass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some to the ground, and two between nodes: translations are resisted in most of their rows."""
+    monkeypatch.chdir(tmp_path)
+    K = np.kron(np.diag([1.0, *[2.0] * 10, 1.0]) - np.eye(12, k=1) - np.eye(12, k=-1), np.eye(2))
+    D = np.diag([5.0] * 6 + [0.0] * 18)
+    D[np.ix_([10, 14], [10, 14])] += [[3.0, -3.0], [-3.0, 3.0]]
+    np.savez("a", K)
+    np.savez("b", D)
+    every = [one for name in ("a.npz", "b.npz") for one in matrices_of(Path(name), None, ())[0]]
+    with pytest.raises(ReadError, match="no matrix is clearly the mass"):
+        stiffness_and_mass("row", every, None, (), "")
+
+
 def test_a_damping_that_is_left_out_is_said(files: list[Path], plate: tuple[np.ndarray, ...]) -> None:
     np.savez("4", K=plate[2], M=plate[3], D=1j * plate[2])
     code, said = typed("new", "plate", "4.npz", "2")
