@@ -20,6 +20,8 @@ Complex = NDArray[np.complex128]
 
 FEWER = 4
 """The part of a receptance between joints, inputs and outputs is formed alone if it has so many times fewer entries."""
+# For the motions of fewer points, either takes no time.
+_MANY = 48
 # Memory of the mode amplitudes of a block of frequencies, which stay in the cache.
 _CACHED_BYTES = 2**21
 
@@ -58,7 +60,7 @@ class ByModes:
         So it is with many sensors: only joints and inputs exert forces.
         """
         pairs = sum(np.count_nonzero(a.any(axis=1)) * np.count_nonzero(b.any(axis=1)) for a, b in sides)
-        return bool(FEWER * pairs <= self.L.shape[0] ** 2)
+        return bool(self.L.shape[0] >= _MANY and FEWER * pairs <= self.L.shape[0] ** 2)
 
     def add(self, G: Complex, left: Real, right: Real, omega: Real) -> None:
         """Add left Y right^T to an array (l, r, f), for rows (l, p) and (r, p) and frequencies (f,) in rad/s.
