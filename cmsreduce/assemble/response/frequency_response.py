@@ -13,13 +13,7 @@ from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.response.by_modes import ByModes
 from cmsreduce.assemble.response.joint_chains import joint_chain
-from cmsreduce.assemble.response.receptance import (
-    DAMPED_RIGID,
-    Receptance,
-    add_between,
-    frequencies_last,
-    receptance,
-)
+from cmsreduce.assemble.response.receptance import DAMPED_RIGID, Receptance, add_between, frequencies_last, receptance
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.linalg.blocks import dense, svd
@@ -142,6 +136,7 @@ def _from_receptances(
         np.empty((grid.size, each.outputs, each.shape[1] - each.c), dtype=np.complex128)
         for each, grid in zip(joined, grids, strict=True)
     ]
+    # With many sensors the whole receptance of a body would be a square of them.
     direct = {
         name: of
         for name, of in receptances.items()
