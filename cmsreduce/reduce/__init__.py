@@ -45,6 +45,7 @@ def reduction(
     loading: InterfaceLoading | None = None,
     *,
     damped: bool = False,
+    inertia: bool = False,
 ) -> Reduction:
     """Make the mode set of a name.
 
@@ -60,21 +61,28 @@ def reduction(
         For the sets whose modes are loaded by the neighbours.
     damped : bool
         Also span the damped modes, for craig-bampton and macneal-rubin.
+    inertia : bool
+        Also span the response to the inertia of the static shapes, for sets that have some.
 
     Raises
     ------
     ConfigError
-        If there is none of that name, it has no constraint modes to reduce, or it has no damped modes.
+        If there is none of that name, it has no constraint modes to reduce, no damped modes, or no static shapes.
     """
     if method not in METHODS:
         raise ConfigError(f"reduce: method '{method}' is not available (there are: {', '.join(METHODS)})")
     kind = METHODS[method]
     if damped and kind not in (CraigBampton, MacNealRubin):
         raise ConfigError(f"reduce: {method} has no damped modes; use craig-bampton or macneal-rubin")
+    if inertia and kind not in (CraigBampton, MacNealRubin, Guyan):
+        raise ConfigError(
+            f"reduce: {method} has no static shapes of its own, so `inertia` does not apply to it; use craig-bampton, "
+            "macneal-rubin or guyan"
+        )
     if issubclass(kind, CraigBampton):
-        return kind(cutoff_hz, interface_reduction=interface_reduction, damped=damped)
+        return kind(cutoff_hz, interface_reduction=interface_reduction, damped=damped, inertia=inertia)
     if interface_reduction is not None:
         raise ConfigError(f"reduce: {method} has no constraint modes, so `interface_cutoff` does not apply to it")
     if issubclass(kind, BenfieldHruda):
         return kind(cutoff_hz, loading)
-    return kind(cutoff_hz, damped=True) if damped else kind(cutoff_hz)
+    return kind(cutoff_hz, damped=damped, inertia=inertia) if damped or inertia else kind(cutoff_hz)

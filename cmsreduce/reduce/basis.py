@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -51,21 +51,37 @@ class Basis:
     loads: Loads
     rows: NDArray[np.int64]
 
-    def enriched(self) -> ModeSet:
-        """Shapes of the basis, and at their end the residual shapes of ``loads`` that it misses."""
+    def with_inertia(self, M: sp.csc_array) -> Basis:
+        """The basis with the static response to the inertia of its static shapes.
+
+        Parameters
+        ----------
+        M : (n, n) sparse array
+            Mass.
+
+        Returns
+        -------
+        Basis
+            With residual shapes at its end, orthonormal in K and orthogonal in K to those before; fewer than static
+            shapes where some of these have no inertia of their own. Source: Dickens, Nakagawa and Wittbrodt, Computers
+            and Structures 62 (1997), 985-1006 (modal truncation augmentation); theory section 2.
+        """
         here = Loads(self.loads.count, lambda part: self.loads.block(part)[self.rows])
         known, _ = side_by_side(self.rows.size, [(None, shapes) for shapes in self.known])
         beyond = residual_shapes(self.solve, self.K, here, known)[0]
         modes, p = self.modes, beyond.shape[1]
         kind: list[ModeKind] = ["residual"] * p
-        return ModeSet(
+        Phi, (_, own) = side_by_side(modes.Phi.shape[0], [(None, modes.Phi), (self.rows, beyond)])
+        larger = ModeSet(
             modes.method,
-            side_by_side(modes.Phi.shape[0], [(None, modes.Phi), (self.rows, beyond)])[0],
+            Phi,
             (*modes.kind, *kind),
             np.concatenate([modes.source_hz, np.full(p, np.nan)]),
-            (*modes.label, *(f"left out {number + 1}" for number in range(p))),
+            (*modes.label, *(f"inertia {number + 1}" for number in range(p))),
             modes.certificate,
         )
+        inertia = Loads(p, lambda part: M @ own[:, part])
+        return replace(self, modes=larger, known=(*self.known, beyond), loads=inertia)
 
     def missed(self, loads: NDArray[np.float64]) -> NDArray[np.float64]:
         """Share of the static flexibility under each load that the basis misses.

@@ -47,6 +47,8 @@ class CraigBampton(Reduction):
         The same for a part of the interface, or with given shapes.
     damped : bool
         Also span the damped fixed-interface modes; see `Reduction`.
+    inertia : bool
+        Also span the response to the inertia of the moving interface; see `Reduction`.
 
     Notes
     -----
@@ -64,8 +66,9 @@ class CraigBampton(Reduction):
         interface_reduction: InterfaceReduction | None = None,
         *,
         damped: bool = False,
+        inertia: bool = False,
     ) -> None:
-        super().__init__(cutoff_hz, damped=damped)
+        super().__init__(cutoff_hz, damped=damped, inertia=inertia)
         if interface_reduction is None and interface_cutoff_hz is not None:
             interface_reduction = InterfaceReduction(interface_cutoff_hz)
         self.interface_reduction = interface_reduction

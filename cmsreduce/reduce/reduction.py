@@ -78,18 +78,21 @@ class Reduction(ABC):
     damped : bool
         Also span the damped modes of a body with a damping matrix, up to 0.8 of this frequency, those with the damping
         of its parameters included.
+    inertia : bool
+        Also span the static response to the inertia of the set's own static shapes.
     """
 
     method: ClassVar[str]
 
-    def __init__(self, cutoff_hz: float, *, damped: bool = False) -> None:
+    def __init__(self, cutoff_hz: float, *, damped: bool = False, inertia: bool = False) -> None:
         if not cutoff_hz >= 0:
             raise ConfigError(f"{type(self).__name__}: the cutoff is {cutoff_hz} Hz; give a frequency of zero or more")
-        self.cutoff_hz, self.damped = cutoff_hz, damped
+        self.cutoff_hz, self.damped, self.inertia = cutoff_hz, damped, inertia
         self._free: ModalComponent | None = None
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}(cutoff_hz={self.cutoff_hz:g}{', damped=True' if self.damped else ''})"
+        options = "".join(f", {name}=True" for name in ("damped", "inertia") if getattr(self, name))
+        return f"{type(self).__name__}(cutoff_hz={self.cutoff_hz:g}{options})"
 
     def counted_by(self, free: ModalComponent) -> Self:
         """The same mode set, whose modes are counted by certified free modes of the body where these decide it."""
@@ -159,9 +162,9 @@ class Reduction(ABC):
             )
         rigid = _rigid_modes(body) if rigid is None else rigid
         basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
-        basis = self._also_damped(basis, body, rigid)
+        basis = self._enlarged(basis, body, rigid)
         self._refuse_empty(body, basis.modes)
-        modes = basis.enriched() if enriched else basis.modes
+        modes = basis.with_inertia(body.M).modes if enriched else basis.modes
         # The factor that the basis holds is large.
         del basis
         corners = self._at_corners(body, interface, loads, rigid, enriched=enriched)
@@ -196,10 +199,10 @@ class Reduction(ABC):
         """
         rigid = _rigid_modes(body) if rigid is None else rigid
         basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
-        basis = self._also_damped(basis, body, rigid)
+        basis = self._enlarged(basis, body, rigid)
         self._refuse_empty(body, basis.modes)
         missed = basis.missed(_loads(body, tested))
-        modes, more = basis.modes, basis.enriched() if enrich else None
+        modes, more = basis.modes, basis.with_inertia(body.M).modes if enrich else None
         # The factor that the basis holds is large.
         del basis
         corners = self._at_corners(body, interface, loads, rigid)
@@ -209,8 +212,12 @@ class Reduction(ABC):
             richer = project(body, with_corners(body, more, corners, self.cutoff_hz), rigid)
         return Examined(project(body, modes, rigid), missed, richer)
 
-    def _also_damped(self, basis: Basis, body: FEModel, rigid: Array) -> Basis:
-        """The basis with the damped modes of its body, those at corners that change the damping alone included."""
+    def _enlarged(self, basis: Basis, body: FEModel, rigid: Array) -> Basis:
+        """The basis with the response to its inertia and with damped modes, where these are asked for.
+
+        Damped modes include those at corners that change the damping alone.
+        """
+        basis = basis.with_inertia(body.M) if self.inertia else basis
         for values in ({}, *body.corners) if self.damped else ():
             if body.undamped_at(values) is body:
                 basis = with_damped_modes(basis, _with_damping_at(body, body, values), rigid, self.cutoff_hz)
@@ -228,8 +235,8 @@ class Reduction(ABC):
                     continue
                 own, there = rigid_at(body, values, rigid), _with_damping_at(there, body, values)
                 basis = self.basis(there, _i_set(there, interface), own, _loads(there, loads))
-                basis = self._also_damped(basis, there, own)
-                found.append((label, basis.enriched() if enriched else basis.modes))
+                basis = self._enlarged(basis, there, own)
+                found.append((label, basis.with_inertia(there.M).modes if enriched else basis.modes))
             except MatrixError as error:
                 raise MatrixError(f"with {label}: {error}") from None
             except SingularInterfaceError as error:

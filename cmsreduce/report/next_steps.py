@@ -134,7 +134,9 @@ def _other_method(run: RunResult) -> str:
         return ", with `method: craig-bampton`: guyan has no normal modes"
     if "macneal-rubin" in methods:
         return ""
-    return ", or take `method: macneal-rubin`, whose error in the band is often far smaller"
+    if (run.settings.get("reduce") or {}).get("inertia"):
+        return ", or take `method: macneal-rubin`"
+    return ", or take `method: macneal-rubin` or `inertia: true`, whose error in the band is often far smaller"
 
 
 def _flow(keys: Mapping[str, Any]) -> str:

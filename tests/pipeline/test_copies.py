@@ -160,3 +160,18 @@ def test_damped_shapes_of_one_copy_or_of_one_compared_model_are_its_own(tmp_path
     assert sizes["rr"] > sizes["fl"] == sizes["fr"]
     models = run.models()
     assert models["true"].shapes["fl"].omega.size > models["false"].shapes["fl"].omega.size
+
+
+def test_inertia_shapes_of_one_copy_or_of_one_compared_model_are_its_own(tmp_path):
+    """Mode sets of one method and cutoff that differ in `inertia` alone."""
+    own = "    reduce: {inertia: true}\n"
+    path = cart(tmp_path, copies=True, reduce="{cutoff: 3}", own=own, names=("fl", "fr", "rr"))
+    compared = [f"    {each}: {{keep: all, reduce: {{inertia: {each}}}}}\n" for each in ("false", "true")]
+    path.write_text(path.read_text() + "verify:\n  compare:\n" + "".join(compared))
+    run = opened(path)
+    sizes = {name: modal.omega.size for name, modal in run.final.items()}
+    assert sizes["rr"] > sizes["fl"] == sizes["fr"]
+    models = run.models()
+    assert (
+        models["true"].shapes["fl"].omega.size == sizes["rr"] and models["false"].shapes["rr"].omega.size < sizes["rr"]
+    )

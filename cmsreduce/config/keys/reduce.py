@@ -23,6 +23,7 @@ NO_PARTS = {
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
 _NO_NORMAL_MODES = ("guyan", "scene")
 _DAMPED_MODES = ("craig-bampton", "macneal-rubin")
+_STATIC_SHAPES = ("craig-bampton", "macneal-rubin", "guyan")
 
 
 def _check_residual(value: object) -> str:
@@ -92,6 +93,12 @@ class ModeSetKeys(Keys):
         "shapes that their real and imaginary parts have beyond the normal modes. For craig-bampton and macneal-rubin.",
         examples=[True],
     )
+    inertia: Flag = Field(
+        default=False,
+        description="Also span the static response to the inertia of the set's own static shapes, one column for each "
+        "of them: the largest part that modes to a cutoff miss. For craig-bampton, macneal-rubin and guyan.",
+        examples=[True],
+    )
 
     @model_validator(mode="after")
     def _has_constraint_modes(self) -> ModeSetKeys:
@@ -103,6 +110,11 @@ class ModeSetKeys(Keys):
         if self.damped and self.method not in _DAMPED_MODES:
             raise ValueError(
                 f"{self.method} has no damped modes: take `damped` out, or use {' or '.join(_DAMPED_MODES)}"
+            )
+        if self.inertia and self.method not in _STATIC_SHAPES:
+            raise ValueError(
+                f"{self.method} has no static shapes of its own: take `inertia` out, or use "
+                f"{', '.join(_STATIC_SHAPES[:-1])} or {_STATIC_SHAPES[-1]}"
             )
         if self.cutoff_bands == "auto" and self.method in _NO_NORMAL_MODES:
             raise ValueError(

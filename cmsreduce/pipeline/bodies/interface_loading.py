@@ -75,7 +75,7 @@ def body_reduction(
             loading = loading_by_neighbours(name, bodies, rigid, scene)
         else:
             loading = loading_by_outboard(name, bodies, rigid_bodies, scene)
-    return reduction(keys.method, cutoff_hz, shared, loading, damped=keys.damped)
+    return reduction(keys.method, cutoff_hz, shared, loading, damped=keys.damped, inertia=keys.inertia)
 
 
 def loading_by_neighbours(

@@ -143,7 +143,8 @@ class ModeSets:
         # In full: two mode sets of a body never have one name.
         cutoffs = [each for each in (keys.cutoff_bands, keys.interface_cutoff_bands) if each is not None]
         numbers = [repr(float(each)).removesuffix(".0") for each in cutoffs]
-        return ".".join([name, keys.method, *numbers, *(["damped"] if keys.damped else [])])
+        flags = [flag for flag in ("damped", "inertia") if getattr(keys, flag)]
+        return ".".join([name, keys.method, *numbers, *flags])
 
     def alike(self, name: str, other: ModeSetKeys | None = None) -> list[str]:
         """Bodies with the same reduction as one of them, in order: copies with the same ports and mode set.
@@ -171,7 +172,7 @@ class ModeSets:
         if name in self.unneeded:
             return fingerprint, "rigid"
         keys = self.stated(name, other)
-        return fingerprint, keys.method, keys.cutoff_bands, keys.interface_cutoff_bands, keys.damped
+        return fingerprint, keys.method, keys.cutoff_bands, keys.interface_cutoff_bands, keys.damped, keys.inertia
 
     def _loaded(self, name: str, other: ModeSetKeys | None) -> bool:
         """The neighbours of a body take part in its reduction."""
@@ -189,7 +190,8 @@ class ModeSets:
             return stage_key("reduce", __version__, fingerprint, "rigid")
         keys = self.keys(name, other)
         loading = self._loading_key(other) if self._loaded(name, other) else None
-        asked = (keys.method, self.cutoff_hz(name, other), keys.interface_cutoff_bands, keys.damped, loading)
+        flags = keys.damped, keys.inertia
+        asked = (keys.method, self.cutoff_hz(name, other), keys.interface_cutoff_bands, flags, loading)
         return stage_key("reduce", __version__, fingerprint, asked)
 
     def modal_key(self, name: str, other: ModeSetKeys | None = None) -> str:
