@@ -32,7 +32,7 @@ from cmsreduce.orthogonalise import orthogonalise as orthonormal_modes
 from cmsreduce.pipeline.bodies import read_rigid
 from cmsreduce.pipeline.choose import ranked, ranking_channels, select, truncate
 from cmsreduce.pipeline.system import AssembledModel
-from cmsreduce.read import InterfaceSpec, MatrixSource, prove_mass_order
+from cmsreduce.read import InterfaceSpec, MatrixSource, files_read, prove_mass_order
 from cmsreduce.read import read_body as read_from_files
 from cmsreduce.write import write_component as write_component_file
 
@@ -104,7 +104,7 @@ def read_body(
     for label, nodes in (interfaces or {}).items():
         ids = nodes if isinstance(nodes, (InterfaceSpec, Sequence)) else (int(nodes),)
         specs[label] = ids if isinstance(ids, InterfaceSpec) else InterfaceSpec(tuple(ids))
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, files_read():
         if rows is not None and not isinstance(rows, (str, Path)):
             listed = Path(folder) / "rows.txt"
             listed.write_text("\n".join(rows), encoding="utf-8")

@@ -8,10 +8,14 @@ from typing import Any
 
 import pytest
 
+import cmsreduce as cms
+from cmsreduce import steps
 from cmsreduce.errors import ReadError
 from cmsreduce.pipeline import Run
-from cmsreduce.pipeline.bodies import proven_bodies
+from cmsreduce.pipeline.bodies import parameters, proven_bodies
+from cmsreduce.pipeline.run import choice
 from cmsreduce.pipeline.store import CommonWork
+from cmsreduce.read.files import read_head
 
 
 @pytest.fixture
@@ -70,3 +74,41 @@ def test_unit_loads_of_another_included_file_are_others(opened: Callable[..., Ru
     assert not made()
     part.write_text(part.read_text().replace("6.000000000E-01", "6.100000000E-01"))
     assert made()
+
+
+def rewriting(path: Path, read: Callable[..., Any]) -> Callable[..., Any]:
+    """A reader whose file has other bytes before it has returned."""
+
+    def slow(*args: Any, **keys: Any) -> Any:
+        found = read(*args, **keys)
+        rewrite(path)
+        return found
+
+    return slow
+
+
+def test_matrices_of_parameters_and_controllers_that_change_are_refused(
+    opened: Callable[..., Run], study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heavy, loop = (study.parent / name for name in ("heavy.op4", "loop.op4"))
+    for path in (heavy, loop):
+        path.write_bytes((study.parent / "arm.op4").read_bytes())
+    slow = rewriting(heavy, parameters.read_parameter_matrix)
+    monkeypatch.setattr(parameters, "read_parameter_matrix", slow)
+    with pytest.raises(ReadError, match=r"heavy\.op4: changed while this run read it"):
+        opened(f"scene.parameters={{p: {{values: [0, 1], mass: {{arm: {{file: {heavy}, matrix: MAA}}}}}}}}").flexible(
+            "arm"
+        )
+    monkeypatch.setattr(choice, "read_controller", rewriting(loop, lambda path, *_: read_head(path, 1)))
+    with pytest.raises(ReadError, match=r"loop\.op4: changed while this run read it"):
+        opened(f"scene.controller={{file: {loop}}}")
+
+
+@pytest.mark.parametrize("name", ["arm.op4", "grids.bdf"])
+def test_files_of_a_body_read_from_python_that_change_are_refused(
+    part: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(steps, "read_from_files", rewriting(part.parent / name, steps.read_from_files))
+    file, deck = part.parent / "arm.op4", part.parent / "arm.bdf"
+    with pytest.raises(ReadError, match=rf"{name}: changed while this run read it"):
+        cms.read_body("arm", stiffness=(file, "KAA"), mass=(file, "MAA"), geometry=deck)

@@ -32,6 +32,7 @@ from cmsreduce.pipeline.bodies.parameters import body_corners, body_terms, refus
 from cmsreduce.pipeline.bodies.proven_bodies import THOROUGH, ProvenBody, hash_of, matrices_hash, proven_body
 from cmsreduce.pipeline.bodies.scene_ports import scene_ports
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
+from cmsreduce.read import files_read
 
 __all__ = ["FlexibleBody", "copy_of", "in_scene", "probing_loads", "read_flexible"]
 
@@ -180,12 +181,13 @@ def in_scene(proven: ProvenBody, pipeline: Pipeline, name: str, scene: Scene) ->
     if body.damping.law == "none" and body.D is None:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
     if proven.as_read is not None:
-        added, unproven = body_terms(pipeline, body, proven.as_read)
-        terms = (*body.terms, *added)
-        refuse_undetermined(terms, Determined(body, proven.undetermined, proven.held, proven.lost))
-        body = replace(body, terms=terms, corners=body_corners(terms, scene, name)) if terms else body
-        notes += unproven
-        stiffening, remarks = body_stiffening(pipeline, body, proven.as_read, rigid)
+        with files_read():
+            added, unproven = body_terms(pipeline, body, proven.as_read)
+            terms = (*body.terms, *added)
+            refuse_undetermined(terms, Determined(body, proven.undetermined, proven.held, proven.lost))
+            body = replace(body, terms=terms, corners=body_corners(terms, scene, name)) if terms else body
+            notes += unproven
+            stiffening, remarks = body_stiffening(pipeline, body, proven.as_read, rigid)
     if any(term.gyroscopic for term in body.terms):
         notes.append(
             f"{name}: mode sets, rankings of single bodies, frequency_error and zeros leave its gyroscopic forces "

@@ -21,7 +21,7 @@ from cmsreduce.pipeline.run.bodies import BodyStages
 from cmsreduce.pipeline.run.keys import projected_error, reference_model_key, system_key
 from cmsreduce.pipeline.store import CommonWork, Progress, diagnostic, once, stage
 from cmsreduce.pipeline.system import MODEL, Comparison, ModelMeasure, ReducedModel, ReferenceModel
-from cmsreduce.read import read_controller
+from cmsreduce.read import files_read, read_controller
 from cmsreduce.reduce import SceneKrylov
 
 __all__ = ["ChoiceStages"]
@@ -59,7 +59,8 @@ class ChoiceStages(BodyStages):
         self.controller: Controller | None = None
         if (controller := pipeline.scene.controller) is not None:
             names = (tuple(channel.name for channel in group) for group in (self.scene.sensors, self.scene.actuators))
-            self.controller = read_controller(controller.file, *names)
+            with files_read():
+                self.controller = read_controller(controller.file, *names)
 
     @property
     def has_response(self) -> bool:
