@@ -21,7 +21,7 @@ from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.nastran import SET_NAMES
 from cmsreduce.read.row_order import prove_row_order, without_round_off
-from cmsreduce.read.scalar_points import with_places
+from cmsreduce.read.scalar_points import with_all_modes, with_places
 
 __all__ = ["read_body"]
 
@@ -112,6 +112,7 @@ def read_body(
     for one in matrices.values():
         # Before the rows are looked for in the geometry, which would be blamed.
         _refuse_other_shape(name, one)
+    shape = with_all_modes(name, shape, matrices["stiffness"], matrices["mass"])
     sources = _sources(matrices, shape, dof_list)
     # The type of a file may have more digits than its numbers. Those of K tell: masses are often typed.
     shown = rounding_of_values(matrices["stiffness"].A.data)

@@ -91,11 +91,17 @@ def in_terms_of(geometry: Geometry | None, matrix: LabelledMatrix) -> LabelledMa
     """The matrix with the dofs that its labels mean in a geometry.
 
     CalculiX labels rotations as components 1..3 of a number of their own. It numbers the dofs that it adds inside
-    elements after all nodes of the deck; they are scalar.
+    elements after all nodes of the deck; they are scalar. A scalar point of NASTRAN may have 1 as its component.
     """
-    if geometry is None or matrix.dofs is None or matrix.format != "calculix" or not len(geometry.nodes):
+    if geometry is None or matrix.dofs is None:
         return matrix
     node, component = matrix.dofs.node.copy(), matrix.dofs.component.copy()
+    if matrix.format == "dmig":
+        scalar = [table.node[table.component == SCALAR] for table in geometry.rows.values()]
+        component[(component == 1) & np.isin(node, np.concatenate([*scalar, node[:0]]))] = SCALAR
+        return replace(matrix, dofs=DofTable(node, component))
+    if matrix.format != "calculix" or not len(geometry.nodes):
+        return matrix
     for turn, of in geometry.turning.items():
         rows = np.flatnonzero((matrix.dofs.node == turn) & (component > SCALAR) & (component <= _TRANSLATIONS))
         node[rows], component[rows] = of, component[rows] + _TRANSLATIONS

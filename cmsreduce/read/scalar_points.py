@@ -13,10 +13,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
 from cmsreduce.model import SCALAR, DofTable, Nodes, rigid_body_shapes
+from cmsreduce.read.formats import Geometry
+from cmsreduce.read.labelled_matrix import LabelledMatrix
 
-__all__ = ["with_places"]
+__all__ = ["with_all_modes", "with_places"]
 
 Array = NDArray[np.float64]
 
@@ -86,6 +89,41 @@ def with_places(K: sp.csc_array, dofs: DofTable, nodes: Nodes) -> tuple[DofTable
         xyz=np.vstack([nodes.xyz, places]),
         frame=np.concatenate([nodes.frame, frames]),
     )
+
+
+def with_all_modes(
+    body: str, shape: Geometry | None, stiffness: LabelledMatrix, mass: LabelledMatrix
+) -> Geometry | None:
+    """Geometry whose q-set has the modes of a superelement that its deck does not name; each of them has mass.
+
+    Parameters
+    ----------
+    body : str
+        Name of the body, for messages.
+    shape : Geometry, optional
+        Geometry of the superelement.
+    stiffness, mass : LabelledMatrix
+        Its matrices. OptiStruct numbers the modes in a DMIG alone.
+
+    Raises
+    ------
+    MatrixError
+        If the mass leaves out modes that the stiffness has: its file was cut.
+    """
+    if shape is None or stiffness.dofs is None or stiffness.format != "dmig":
+        return shape
+    points = stiffness.dofs[stiffness.dofs.component == SCALAR]
+    named = [table.rows(points.node, points.component) >= 0 for table in (*shape.rows.values(), *shape.sets.values())]
+    unnamed = points[~np.any([*named, np.zeros(len(points), dtype=bool)], axis=0)]
+    modes = shape.sets.get("q", points[:0])
+    modes = modes[stiffness.dofs.rows(modes.node, modes.component) >= 0].joined(unnamed)
+    if mass.dofs is not None and (lost := mass.dofs.rows(modes.node, modes.component) < 0).any():
+        raise MatrixError(
+            f"body '{body}': mass '{mass.name}' of {mass.path} has no entries for {lost.sum()} modes of the "
+            f"superelement that '{stiffness.name}' has, the first is {modes[lost].labels[0]}, but every mode has mass: "
+            "the file is cut, or the matrices are of different runs; punch or copy it again"
+        )
+    return replace(shape, sets={**shape.sets, "q": modes}) if len(unnamed) else shape
 
 
 def _axis(

@@ -52,14 +52,14 @@ def superelement_matrices(path: Path) -> SuperelementMatrices:
     Raises
     ------
     ReadError
-        If the file cannot be read, or no stiffness and mass of one size are named alike in it.
+        If the file cannot be read, or no stiffness and mass are named alike in it.
     """
     # A matrix that a superelement does not have is a place holder of one row.
     found = {info.name.upper(): info for info in matrix_names(path) if info.rows == info.cols > 1}
     ends = [f"{{}}{name[1:]}" for name in found if name.startswith("K") and f"M{name[1:]}" in found]
     known = [each for each in _FAMILIES if {each.format("K"), each.format("M")} <= found.keys()]
     family = known[0] if known else ends[0] if len(ends) == 1 else None
-    if family is None or found[family.format("K")].rows != found[family.format("M")].rows:
+    if family is None:
         held = ", ".join(found) or "none"
         raise ReadError(
             f"{path}: holds no stiffness and mass of a superelement, such as KXX and MXX or KAA and MAA; its square "

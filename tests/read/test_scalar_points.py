@@ -11,11 +11,11 @@ import scipy.io
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from cmsreduce.errors import DofMapError
+from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import FEModel, rigid_body_shapes
-from cmsreduce.read import MatrixSource, prove_row_order, read_body
-from tests.frames import frame, rotation
+from cmsreduce.read import MatrixSource, prove_row_order, read_body, superelement_matrices
+from tests.frames import frame, line, rotation
 
 XYZ = [[0, 0, 0], [1, 0, 0], [1, 1, 0.2], [0, 1, 0], [0.4, 0.5, 0.8]]
 BARS = [(1, 2), (2, 3), (3, 4), (4, 1), (1, 5), (2, 5), (3, 5)]
@@ -141,3 +141,72 @@ def test_a_node_without_a_place_is_named_as_before(model, tmp_path):
     K, M = (MatrixSource(tmp_path / f"{name}.mtx") for name in "KM")
     with pytest.raises(DofMapError, match="1 nodes have rows in the matrices but no coordinates"):
         read_body("tank", stiffness=K, mass=M, geometry=deck, rows=tmp_path / "rows.txt")
+
+
+def punch(path: Path, *, component: int = 0, cut: bool = False, massless: tuple[int, ...] = ()) -> np.ndarray:
+    """Write a superelement of a bar, one file as EXTSEOUT(DMIGPCH) has it; its frequencies in Hz.
+
+    ``component`` is that of its three modes, ``massless`` are rows without mass; a file that is ``cut`` ends after the
+    last column but one.
+    """
+    bar = line("bar", [0, 0, 0], [0.6, 0.1, 0], 2)
+    K, M = bar.K.toarray(), bar.M.toarray()
+    inner, face = np.arange(6, 12), np.r_[0:6, 12:18]
+    shapes = la.eigh(K[np.ix_(inner, inner)], M[np.ix_(inner, inner)])[1][:, :3]
+    T = np.zeros((18, 15))
+    T[face, np.arange(12)] = 1
+    T[np.ix_(inner, np.arange(12))] = -la.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, face)])
+    T[np.ix_(inner, np.arange(12, 15))] = shapes
+    K, M = T.T @ K @ T, T.T @ M @ T
+    M[list(massless)], M[:, list(massless)] = 0, 0
+    labels = [(node, c) for node in (1, 3) for c in range(1, 7)] + [(POINT + k, component) for k in range(3)]
+    cards = ["BEGIN SUPER 5", f"EXTRN,1,123456,3,123456,{POINT},THRU,{POINT + 2}", "+,0"]
+    cards += ["GRID,1,,0.,0.,0.", "GRID,3,,.6,.1,0.", f"SPOINT,{POINT},THRU,{POINT + 2}"]
+    for name, A in (("KAAX", K), ("MAAX", M)):
+        cards.append(f"DMIG,{name},0,6,2,0")
+        for j in range(14 if cut and name == "MAAX" else 15):
+            rows = np.flatnonzero(A[: j + 1, j])
+            cards += [f"DMIG,{name},{_dof(labels[j])},,{_dof(labels[i])},{A[i, j]:.15e}" for i in rows]
+    path.write_text("\n".join(cards) + "\n")
+    at = np.setdiff1d(np.arange(15), massless)
+    gone = np.array(massless, dtype=int)
+    if gone.size:
+        K = K[np.ix_(at, at)] - K[np.ix_(at, gone)] @ la.solve(K[np.ix_(gone, gone)], K[np.ix_(gone, at)])
+    return np.sqrt(abs(la.eigvalsh(K, M[np.ix_(at, at)]))) / (2 * np.pi)
+
+
+def _dof(label: tuple[int, int]) -> str:
+    return f"{label[0]},{label[1]}"
+
+
+@pytest.mark.parametrize(("component", "massless"), [(0, ()), (1, ()), (0, (3, 9))])
+def test_superelements_by_points_with_a_component_and_with_rows_without_mass(
+    tmp_path: Path, component: int, massless: tuple[int, ...]
+) -> None:
+    expected = punch(tmp_path / "x.pch", component=component, massless=massless)
+    found = superelement_matrices(tmp_path / "x.pch")
+    body = read_body("x", stiffness=found.stiffness, mass=found.mass, geometry=tmp_path / "x.pch")
+    assert (body.dofs.component == 0).sum() == 3
+    lam = la.eigvals(body.K.toarray(), body.M.toarray())
+    lam = np.sort(lam[np.isfinite(lam)].real)[6 : len(expected)]
+    np.testing.assert_allclose(np.sqrt(lam) / (2 * np.pi), expected[6:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_superelement_that_is_cut_before_its_last_mode_is_refused(tmp_path: Path, named: bool) -> None:
+    """The rest is a whole superelement of another body, whose last mode has no mass: 290 Hz of it became 301.
+
+    OptiStruct names the modes in no card.
+    """
+    expected, deck = punch(tmp_path / "x.pch"), tmp_path / "x.pch"
+    found = superelement_matrices(tmp_path / "x.pch")
+    if not named:
+        deck = tmp_path / "x.fem"
+        deck.write_text("BEGIN BULK\nGRID,1,,0.,0.,0.\nGRID,3,,.6,.1,0.\nASET1,123456,1,3\nENDDATA\n")
+    body = read_body("x", stiffness=found.stiffness, mass=found.mass, geometry=deck)
+    assert body.sets["q"].size == 3
+    lam = la.eigvalsh(body.K.toarray(), body.M.toarray())[6:]
+    np.testing.assert_allclose(np.sqrt(lam) / (2 * np.pi), expected[6:], rtol=1e-9)
+    punch(tmp_path / "x.pch", cut=True)
+    with pytest.raises(MatrixError, match=r"MAAX.* has no entries for 1 modes .* the first is 902\.0"):
+        read_body("x", stiffness=found.stiffness, mass=found.mass, geometry=deck)
