@@ -114,8 +114,9 @@ _MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(
 _MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:(?:\*\*[^\n]*|[^\S\n]*)\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
 _SID = rb"^[^\S\n]*part[^\S\n]*\n\s*new modal\b"
 _SUBSTRUCTURE = rb"\A(?:\xef\xbb\xbf)?(?:\s*\*\*[^\n]*\n)*\s*\*\s*USER\s*ELEMENT\b"
-# With remarks, and separated as spreadsheets do.
-_DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*\d+(?:\.|[ \t]*,[ \t]*)[0-6]\s*\n){2}"
+# With remarks, separated as spreadsheets do, and by name.
+_DOF = rb"\d+(?:(?:\.|[ \t]*,[ \t]*)[0-6]|[ \t.,]+(?:(?:D|U|R|T|DR|ROT)?[XYZ]|UR?[123]))"
+_DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*N?" + _DOF + rb"\s*\n){2}"
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:[^\S\n]*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 _MARKS = (

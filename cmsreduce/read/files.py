@@ -120,7 +120,8 @@ _DEEPEST = 50
 _SETTLED_NS = 10**9
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 # Control characters that text has none of: all but tabs, ends of lines and pages, and the end of a DOS file.
-_NO_TEXT = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
+_DOS_END = b"\x1a"
+_NO_TEXT = bytes(set(range(32)) - set(b"\t\n\r\f" + _DOS_END))
 
 
 @contextmanager
@@ -250,7 +251,8 @@ def read_text(path: Path, subject: str = "") -> str:
     try:
         with path.open("rb") as file:
             wide = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-        return path.read_text(encoding="utf-16" if wide else "utf-8-sig", errors="replace")
+        text = path.read_text(encoding="utf-16" if wide else "utf-8-sig", errors="replace")
+        return text.rstrip(_DOS_END.decode())
     except OSError as error:
         raise ReadError(f"{subject or f'{path}:'} cannot be read: {error.strerror or error}") from error
 
@@ -299,9 +301,9 @@ class FileBytes:
 
 
 def read_lines(path: Path) -> bytes:
-    """Bytes of a text, whose lines end with a newline whatever the system that wrote it; without a mark of UTF-8."""
+    """Bytes of a text, whose lines end with a newline whatever the system that wrote it; no marks of UTF-8 and DOS."""
     _record(path)
-    text = path.read_bytes().removeprefix(codecs.BOM_UTF8)
+    text = path.read_bytes().removeprefix(codecs.BOM_UTF8).rstrip(_DOS_END)
     return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
 
 

@@ -20,6 +20,7 @@ from cmsreduce.read.stated import Statement, nothing_stated
 
 __all__ = [
     "CELL_CORNERS",
+    "COMPONENTS",
     "NODE_ROWS",
     "Cells",
     "Geometry",
@@ -51,6 +52,10 @@ CELL_CORNERS = {
 
 NODE_ROWS = {"translations": 3, "six": 6}
 """Dofs at every node, sorted by node: the rows that a matrix may have where no deck defines its sets."""
+
+_NAMES = ("UX UY UZ ROTX ROTY ROTZ", "DX DY DZ DRX DRY DRZ", "U1 U2 U3 UR1 UR2 UR3", "X Y Z RX RY RZ", "TX TY TZ")
+COMPONENTS = {name: component for names in _NAMES for component, name in enumerate(names.split(), start=1)}
+"""Components of a node by the names that ANSYS, code_aster, Abaqus and others give them."""
 
 
 @dataclass(frozen=True)

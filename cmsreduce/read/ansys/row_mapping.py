@@ -15,6 +15,7 @@ import numpy as np
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import DofTable
 from cmsreduce.read.files import read_head, read_text
+from cmsreduce.read.formats import COMPONENTS
 from cmsreduce.read.matrices import MATRIX_MARKET
 
 __all__ = ["is_row_mapping", "mapping_beside", "read_row_mapping"]
@@ -24,7 +25,6 @@ _DOFS_OF_A_NODE = (2, 3, 6)
 _HEAD = 1 << 12
 _HEADING = re.compile(r"\s*MATRIX\s+EQN\s+NODE\s+DOF\s*", re.IGNORECASE)
 _NUMBER = re.compile(r"[0-9]{1,15}")
-_COMPONENTS = {"UX": 1, "UY": 2, "UZ": 3, "ROTX": 4, "ROTY": 5, "ROTZ": 6}
 
 
 def is_row_mapping(path: Path) -> bool:
@@ -93,7 +93,7 @@ def _mapped_rows(path: Path, rows: int) -> DofTable:
             continue
         if len(words) != 3 or not (_NUMBER.fullmatch(words[0]) and _NUMBER.fullmatch(words[1])):
             raise ReadError(f"{path}, line {at}: '{line.strip()[:60]}' is no row of a matrix: number, node, dof")
-        if words[2].upper() not in _COMPONENTS:
+        if words[2].upper() not in COMPONENTS:
             raise ReadError(
                 f"{path}, line {at}: row {words[0]} is {words[2]} of node {words[1]}; only displacements and rotations "
                 "can be reduced"
@@ -103,7 +103,7 @@ def _mapped_rows(path: Path, rows: int) -> DofTable:
             raise ReadError(
                 f"{path}, line {at}: names row {words[0]}, and the matrix has {rows}; it belongs to another one"
             )
-        node[row], component[row] = int(words[1]), _COMPONENTS[words[2].upper()]
+        node[row], component[row] = int(words[1]), COMPONENTS[words[2].upper()]
     missing = np.flatnonzero(component < 0)
     if missing.size:
         raise ReadError(

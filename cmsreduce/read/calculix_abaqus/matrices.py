@@ -18,7 +18,7 @@ from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, DofTable
 from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
 from cmsreduce.read.files import is_text, read_lines, read_text
-from cmsreduce.read.formats import MatrixFormat, StoredMatrix
+from cmsreduce.read.formats import COMPONENTS, MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size, mirrored
 from cmsreduce.read.matrices import COORDINATE, LABELLED, read_entries
 from cmsreduce.read.printed_numbers import number_of, rounding_of_printed
@@ -39,7 +39,10 @@ _CONTINUED = re.compile(
 # Keywords of files that hold something else: decks, and substructures, whose lists of dofs read like entries.
 _OTHER_KEYWORD = re.compile(r"\s*\*\s*(?:USER\s*ELEMENT|MATRIX(?=\s*,)|HEADING|PART|NODE|ELEMENT)\b", re.IGNORECASE)
 _FACTOR = re.compile(rb"SCALEFACTOR=([^,\n]*)")
-_DOF = re.compile(r"(\d+)(?:\s*[.,;]\s*|\s+)([0-6])")
+_DIGITS = {str(component): component for component in range(7)}
+_DOF = re.compile(r"N?(\d+)(?:\s*[.,;]\s*|\s+)(\w+)", re.IGNORECASE)
+# Abaqus' name of the instance before the number of a node.
+_INSTANCE = re.compile(rb"(^|,)[ \t]*([A-Za-z][\w-]*)\.(?=\d)", re.MULTILINE)
 
 
 def _coordinate_matrices(path: Path, format: str) -> list[StoredMatrix]:
@@ -64,6 +67,14 @@ def _coordinate_matrices(path: Path, format: str) -> list[StoredMatrix]:
 def _load(path: Path, format: str) -> LabelledMatrix:
     """Read the matrix of a coordinate text, labelled or not."""
     text, symmetric, factor = _entries_only(path)
+    if _INSTANCE.match(text.lstrip()):
+        first, *others = sorted({found[2].decode() for found in _INSTANCE.finditer(text)})
+        if others:
+            raise ReadError(
+                f"{path}: instances {first} and {others[0]} share the numbers of their nodes; write a flat input file, "
+                "without parts, or the matrices of one instance"
+            )
+        text = _INSTANCE.sub(rb"\1", text)
     if LABELLED.begins(text):
         return _load_labelled(path, format, text, symmetric, factor)
     where, value, printed = read_entries(path, text, COORDINATE)
@@ -173,7 +184,8 @@ def read_dof_list(path: Path) -> DofTable:
     Parameters
     ----------
     path : Path
-        Text with one dof a line: ``node.component``, or the two separated by a blank or a comma. Empty lines and
+        Text with one dof a line: ``node.component``, or the two separated by a blank or a comma; components by number
+        or by name, as ``UX`` and ``DRZ``. Empty lines and
         lines that start with ``#``, ``%``, ``$`` or ``*`` are skipped. The ``.dof`` of CalculiX repeats the dofs of
         shells and beams; the ``.12d`` beside it tells the nodes apart.
 
@@ -222,15 +234,16 @@ def _any_dofs(path: Path, text: str) -> tuple[list[int], list[int]]:
         if not line or line[0] in _SKIPPED:
             continue
         match = _DOF.fullmatch(line)
-        if match is None:
+        found = None if match is None else _DIGITS.get(match[2], COMPONENTS.get(match[2].upper()))
+        if match is None or found is None:
             raise ReadError(
                 f"{path}, line {number}: '{line[:40]}' is not a dof; write node.component, such as 1001.3 "
-                "(1..3 translations, 4..6 rotations, 0 for a scalar point)"
+                "(1..3 translations, 4..6 rotations, 0 for a scalar point) or 1001 UZ"
             )
         if len(match[1]) > LONGEST_ID:
             raise ReadError(f"{path}, line {number}: the node '{line[:40]}' is too large; ids have up to 15 digits")
         node.append(int(match[1]))
-        component.append(int(match[2]))
+        component.append(found)
     return node, component
 
 
@@ -251,6 +264,7 @@ def _first_lines(path: Path, head: bytes) -> list[str]:
     if any(_OTHER_KEYWORD.match(line) for line in lines):
         return []
     found = [line for line in lines if line.strip() and line.lstrip()[0] not in _SKIPPED]
+    found[:1] = [_INSTANCE.sub(rb"\1", line.encode()).decode() for line in found[:1]]
     return found[:-1] if len(found) > 1 and path.stat().st_size > len(head) else found
 
 

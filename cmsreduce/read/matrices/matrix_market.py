@@ -77,7 +77,9 @@ class EntryLine:
 
 
 COORDINATE = EntryLine("i j value", 2, rf"{_BLANKS}{2 * f'{INTEGER}{_APART}++'}{REAL}{_APART}*+")
-LABELLED = EntryLine("node,dof, node,dof, value", 4, rf"{_BLANKS}{4 * f'{INTEGER}{_BLANKS},{_BLANKS}'}{REAL}{_APART}*+")
+# Without commas the value has a point: five integers may be anything.
+_FOUR = rf"(?:{4 * f'{INTEGER}{_BLANKS},{_BLANKS}'}|{4 * f'{INTEGER}{_APART}++'}(?=[^\s,]*\.))"
+LABELLED = EntryLine("node,dof, node,dof, value", 4, rf"{_BLANKS}{_FOUR}{REAL}{_APART}*+")
 VALUE = EntryLine("value", 0, rf"{_BLANKS}{REAL}{_BLANKS}")
 _COMPLEX = {
     "coordinate": EntryLine("i j real imaginary", 2, rf"{COORDINATE.pattern}{REAL}{_APART}*+", 2),

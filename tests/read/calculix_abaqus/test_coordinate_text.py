@@ -1,5 +1,6 @@
 """Text of one entry a line: CalculiX, Abaqus."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read import detect_format, matrix_names, read_matrix
+from cmsreduce.read.file_kind import file_kind, read_rows
 
 K = np.array([[3.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 2.0e7, -1.0], [0.0, -1.0, 1.0]])
 MIXED = np.triu(K) + np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]]) * K[0, 1]
@@ -59,6 +61,8 @@ def test_triangles_and_ways_to_print(
         ("*MATRIX INPUT,\n NAME=K,\n TYPE=UNSYMMETRIC\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
         ("*MATRIX INPUT, NAME=K,\r\nTYPE=UNSYMMETRIC,\r\n", "{i},1, {j},1, {v:.15e}", np.tril(K), np.tril(K)),
         ("*MATRIX INPUT, NAME=K, SCALE FACTOR=2.5D0\n", "{i},1, {j},1, {v:.15e}", np.tril(K), 2.5 * K),
+        ("", "PART-1-1.{i},1, PART-1-1.{j},1, {v:.15e}", K, K),
+        ("** Abaqus\n", "\t{i} ,1 {j} 1  {v:.15e}", K, K),
     ],
     ids=[
         "labels",
@@ -71,12 +75,14 @@ def test_triangles_and_ways_to_print(
         "three lines",
         "Windows",
         "factor",
+        "instance",
+        "blanks",
     ],
 )
 def test_abaqus_with_labels(tmp_path: Path, head: str, pattern: str, part: np.ndarray, expected: np.ndarray) -> None:
     path = tmp_path / "body.mtx"
     # Nodes 1 and 2 trade places with 30 and 20, so that the order of the file is not that of the nodes.
-    text = lines(part, pattern).replace("1,1,", "30,1,").replace("2,1,", "20,2,")
+    text = re.sub(r"\b([12])( ?,| )1\b", lambda at: ("30", "20")[int(at[1]) - 1] + at[2] + at[1], lines(part, pattern))
     path.write_text(head + text)
     found = read_matrix(path)
     assert found.format == "abaqus"
@@ -99,6 +105,21 @@ def test_dof_list_beside_gives_labels_and_size(tmp_path: Path) -> None:
     given = read_matrix(path, dofs=elsewhere)
     assert given.dofs is not None
     assert given.dofs.labels == ["1.1", "1.2", "1.3"]
+
+
+@pytest.mark.parametrize("names", ["UX ROTZ", "Dx drz", "U1 UR3", "x rz", "TX RZ"])
+@pytest.mark.parametrize("pattern", ["{n} {c}", "N{n}\t{c}", "{n}, {c}", "{n}.{c}"])
+def test_dof_list_of_names(tmp_path: Path, names: str, pattern: str) -> None:
+    path = tmp_path / "rows.txt"
+    path.write_text("# rows\n" + "\n".join(pattern.format(n=12, c=name) for name in names.split()) + "\n\x1a")
+    assert read_rows(path).labels == ["12.1", "12.6"]
+    assert file_kind(path).name == "dofs"
+
+
+def test_labels_of_two_instances_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "body.mtx").write_text("A-1.1,1, A-1.1,1, 2.0\nB-1.1,1, B-1.1,1, 3.0\n")
+    with pytest.raises(ReadError, match="instances A-1 and B-1 share the numbers of their nodes"):
+        read_matrix(tmp_path / "body.mtx")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])

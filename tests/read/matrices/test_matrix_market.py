@@ -33,6 +33,11 @@ def test_written_by_scipy(tmp_path: Path, A: np.ndarray, symmetry: str, dense: b
     assert (info.name, info.rows, info.cols, info.form) == ("body", *A.shape, symmetry)
 
 
+def test_end_of_a_dos_file(tmp_path: Path) -> None:
+    (tmp_path / "body.mtx").write_bytes(HEAD.encode() + b"1 1 3.0\r\n2 2 4.0\r\n\x1a")
+    assert np.array_equal(read_matrix(tmp_path / "body.mtx").A.toarray(), np.diag([3.0, 4.0, 0.0]))
+
+
 @pytest.mark.parametrize("dense", [False, True], ids=["coordinate", "array"])
 @pytest.mark.parametrize("symmetry", ["general", "symmetric", "hermitian"])
 def test_complex_without_an_imaginary_part_is_real(tmp_path: Path, symmetry: str, dense: bool) -> None:
