@@ -53,6 +53,11 @@ def read_geometry(path: Path) -> Geometry:
             found = format.read(path)
     except DofMapError as error:
         raise ReadError(f"{path}: {error}") from error
+    if found.nodes.id.min(initial=1) < 1:
+        raise ReadError(
+            f"{path}: there is a node {found.nodes.id.min()}, but nodes count from 1: number them anew, here and in "
+            "`rows:` where a list names them"
+        )
     lost = ~np.isfinite(found.nodes.xyz).all(axis=1)
     if lost.any():
         raise ReadError(

@@ -188,6 +188,12 @@ def test_unknown_files_are_refused_without_a_word_on_the_terminal(
     assert capfd.readouterr() == ("", "")
 
 
+def test_nodes_that_count_from_zero_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "nodes.txt").write_text("Node\tX\tY\tZ\n0\t0.0\t0.0\t0.0\n1\t1.0\t0.0\t0.0\n")
+    with pytest.raises(ReadError, match=r"there is a node 0, but nodes count from 1"):
+        read_geometry(tmp_path / "nodes.txt")
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match=r"gone.bdf: there is no such file"):
         read_geometry(tmp_path / "gone.bdf")
