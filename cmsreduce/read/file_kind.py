@@ -14,7 +14,7 @@ from typing import Any
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
 from cmsreduce.read.ansys import FULL_FILE, NODE_FILE, NODE_LISTING, is_row_mapping
-from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE, read_dof_list
+from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE, SUBSTRUCTURE, read_dof_list
 from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
 from cmsreduce.read.formats import GeometryFormat, MatrixFormat
 from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC, is_hdf5
@@ -35,9 +35,9 @@ __all__ = [
 ]
 
 # In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
+_TEXTS = (MATRIX_MARKET, HARWELL_BOEING, SUBSTRUCTURE, CALCULIX, ABAQUS, DMIG)
 FORMATS: dict[str, MatrixFormat] = {
-    format.name: format
-    for format in (OP4, OP2, MATLAB, NPZ, NPY, PETSC, FULL_FILE, MATRIX_MARKET, HARWELL_BOEING, CALCULIX, ABAQUS, DMIG)
+    format.name: format for format in (OP4, OP2, MATLAB, NPZ, NPY, PETSC, FULL_FILE, *_TEXTS)
 }
 """Every format that matrices are read from, by name."""
 
@@ -58,7 +58,6 @@ _START = 4096  # bytes that tell a file that is not read
 _INSPECT = "`cmsreduce inspect {path}` shows what is in it"
 _REDUCED = "name it as `reduced:` of a component"
 _UNPACK = "unpack it, and name the file in it"
-_WHOLE = "write the matrices of the whole body, or save these as .npz files and list their node.component as `rows:`"
 _NO_MODEL = "name the matrices and the deck or mesh of the body"
 _NAMED_IN_HDF5 = 4
 
@@ -113,7 +112,6 @@ _MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(
 # MBDyn reads by record groups, and some writers have other words before them.
 _MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:(?:\*\*[^\n]*|[^\S\n]*)\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
 _SID = rb"^[^\S\n]*part[^\S\n]*\n\s*new modal\b"
-_SUBSTRUCTURE = rb"\A(?:\xef\xbb\xbf)?(?:\s*\*\*[^\n]*\n)*\s*\*\s*USER\s*ELEMENT\b"
 # With remarks, separated as spreadsheets do, and by name.
 _DOF = rb"\d+(?:(?:\.|[ \t]*,[ \t]*)[0-6]|[ \t.,]+(?:(?:D|U|R|T|DR|ROT)?[XYZ]|UR?[123]))"
 _DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*N?" + _DOF + rb"\s*\n){2}"
@@ -154,7 +152,6 @@ _MARKS = (
         _matches(rb"\A1[ \t]*\r?\n(?s:.)*?(?:N A S T R A N|NASTRAN|MSC Software|Siemens)"),
         "name the deck and the OP4, OP2 or punch file of the run",
     ),
-    _Mark("substructure", "a substructure (*USER ELEMENT) of Abaqus or CalculiX", _matches(_SUBSTRUCTURE), _WHOLE),
     _Mark("sid", "an SID file, a body that is reduced already", _matches(_SID), _REDUCED),
     _Mark("mbdyn", "a modal body of MBDyn, which is reduced already", _matches(_MBDYN), _REDUCED),
     _Mark("html", "a web page", _matches(rb"\A\s*<(?:!doctype\s+)?html")),

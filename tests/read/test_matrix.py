@@ -45,6 +45,9 @@ def write(path: Path, format: str) -> None:
             path.write_text("".join(f"{i} {j} {v:.13e}\n" for i, j, v in entries if i <= j))
         case "abaqus":
             path.write_text("".join(f"{i} {j} {v:.13e}\n" for i, j, v in entries))
+        case "substructure":
+            head = "*USER ELEMENT, NODES=3, LINEAR\n** ELEMENT NODES\n** 1, 2, 3\n 1\n*MATRIX,TYPE=K\n"
+            path.write_text(head + ",\n".join(f"{v:.13e}" for v in K[np.tril_indices(len(K))]) + "\n")
         case "matrix-market":
             with path.open("wb") as file:
                 scipy.io.mmwrite(file, sp.coo_array(K))

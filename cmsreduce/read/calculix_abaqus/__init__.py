@@ -9,12 +9,14 @@ from cmsreduce.read.calculix_abaqus.expansion import expanded_node, expansion_be
 from cmsreduce.read.calculix_abaqus.hourglass import hourglass_forces
 from cmsreduce.read.calculix_abaqus.matrices import ABAQUS, CALCULIX, dof_list_beside, read_dof_list
 from cmsreduce.read.calculix_abaqus.meshes import FRD, INPUT_FILE
+from cmsreduce.read.calculix_abaqus.substructures import SUBSTRUCTURE
 
 __all__ = [
     "ABAQUS",
     "CALCULIX",
     "FRD",
     "INPUT_FILE",
+    "SUBSTRUCTURE",
     "dof_list_beside",
     "expanded_node",
     "expansion_beside",
