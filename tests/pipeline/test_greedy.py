@@ -63,3 +63,14 @@ def test_no_greedy_search_keeps_fewer_modes(
     kept = [number for number, (name, k) in enumerate(greedy.modes) if k in run.selection[name]]
     assert greedy.error(kept) == pytest.approx(search.critical.ratio, rel=0.05)
     assert search.modes <= greedy.fewest()
+
+
+def test_galileo_needs_at_most_thirty_modes(tmp_path: Path) -> None:
+    """2 % and 1 dB at its eight angles and between them, by the greedy search's own algebra, too."""
+    free_modes = ["reduce.method=macneal-rubin", "reduce.cutoff=1.05"]
+    limits = ["balance={keep: limits}", "verify.limits={frf_error: 0.02, db_error: 1.0}", "verify.compare={}"]
+    run = Run(load_pipeline(PIPELINES / "galileo.yaml", [*limits, *free_modes, "write=null"]), tmp_path, Silent())
+    search = run.choice.search
+    assert search is not None and search.modes <= 30 and search.critical.ratio <= 1.0
+    greedy = Greedy(run, 0.02, 1.0)
+    assert greedy.error([k for k, (name, mode) in enumerate(greedy.modes) if mode in run.selection[name]]) <= 1.0
