@@ -5,16 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError, MatrixError
-from cmsreduce.linalg.blocks import absolute_parts, column_blocks, combine, combined, congruence, one_norm, row_blocks
+from cmsreduce.linalg.blocks import (
+    absolute_parts,
+    column_blocks,
+    combine,
+    combined,
+    congruence,
+    one_norm,
+    row_blocks,
+    skew_congruence,
+)
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, refine
 from cmsreduce.mechanics import refuse_gain, refuse_overdamped, without_drag
 from cmsreduce.model import (
     FEModel,
-    Matrix,
     ModalComponent,
     ModeKind,
     ParameterTerm,
@@ -38,6 +45,9 @@ STATIC = "static: carries no mass"
 _DOUBLE = 2.0**-53
 # Rounding errors in an energy that is a sum over many dofs, in roundings of its parts.
 _ROUNDINGS = 4.0
+# Stiffness between a rigid and an elastic mode that is taken out, least and most, relative to the mode's norm in K and
+# that of the highest one: less is harmless, more is an error of the motion, which `orthogonality_errors` shows.
+_COUPLED, _WRONG = 0.1 * ORTHOGONAL, 100 * ORTHOGONAL
 # A static mode's strain energy below this many roundings of its terms over all dofs is cancellation between shapes of
 # the basis that repeat each other: sums over many dofs have larger rounding errors than the small pencil.
 _REPEATS = 100.0
@@ -58,8 +68,7 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
     Returns
     -------
     ModalComponent
-        Rigid modes first, exactly r of them with frequency exactly zero, then elastic ones by frequency, then static
-        ones.
+        Rigid modes first, r of them with frequency exactly zero, then elastic ones by frequency, then static ones.
 
     Raises
     ------
@@ -110,10 +119,7 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
 
 
 def _vibrates(D: Array, w: Array) -> bool:
-    """True if a motion of coupled modes (e, e) oscillates, though each mode may be damped beyond critical.
-
-    Of a motion W^-1/2 y the energies are y^T W y and y^T W^-1 y, whose product is at least (y^T y)^2.
-    """
+    """True if a motion W^-1/2 y of coupled modes (e, e) oscillates: y^T W y times y^T W^-1 y is at least (y^T y)^2."""
     size = np.sqrt(w)
     return bool(np.linalg.eigvalsh(D / np.outer(size, size)).min(initial=np.inf) < 2)
 
@@ -122,25 +128,14 @@ def _modal_terms(body: FEModel, Phi: Array, r: int) -> tuple[ParameterTerm, ...]
     """What parameters add to the modal matrices; exactly nothing on rigid motions that they do not resist."""
     found = []
     for term in body.terms:
-        A = _skew_congruence(term.matrix, Phi) if term.gyroscopic else congruence(term.matrix, Phi)
+        A = skew_congruence(term.matrix, Phi) if term.gyroscopic else congruence(term.matrix, Phi)
         if term.letter != "M" and r:
             still = unresisted([term.matrix], Phi[:, :r])
             P = np.eye(Phi.shape[1])
-            # Exactly zero where no rigid motion is resisted.
             P[:r, :r] = 0.0 if still.shape[1] == r else np.eye(r) - still @ still.T
             A = P @ A @ P
         found.append(replace(term, matrix=np.asarray((A - A.T if term.gyroscopic else A + A.T) / 2)))
     return tuple(found)
-
-
-def _skew_congruence(G: Matrix, Phi: Array) -> Array:
-    """Phi^T G Phi of a gyroscopic matrix, which acts on few rows if it is that of wheels."""
-    skew = sp.csc_array(G)
-    rows = np.unique(skew.indices)
-    part, found = sp.csr_array(skew[rows][:, rows]), np.zeros((Phi.shape[1], Phi.shape[1]))
-    for block in row_blocks(rows.size, Phi.shape[1]):
-        found += Phi[rows[block]].T @ (part[block] @ Phi[rows])
-    return found
 
 
 def at_parameters(component: ModalComponent, values: Values) -> ModalComponent:
@@ -288,6 +283,11 @@ def _polish(body: FEModel, Phi: Array, r: int, s: int, lam: Array) -> Array:
     columns are combined; over the modes themselves the pencil is nearly diagonal, and one step restores them.
     """
     rigid, elastic, static = np.split(Phi, [r, Phi.shape[1] - s], axis=1)
+    # Rigid motions of a stiffness alone leave the sum of its rounding at the few dofs where they are given. In a
+    # Rayleigh-Ritz step it loads no elastic mode.
+    loads = np.asarray(elastic.T @ (body.K @ rigid))
+    if _COUPLED < (abs(loads) / np.sqrt(lam * lam.max(initial=1.0))[:, None]).max(initial=0.0) < _WRONG:
+        rigid -= elastic @ (loads / lam[:, None])
     for _ in range(2):
         combine(rigid, 1.5 * np.eye(r) - 0.5 * congruence(body.M, rigid))
         combine(static, 1.5 * np.eye(s) - 0.5 * congruence(body.K, static))
@@ -321,7 +321,6 @@ def _undetermined(component: ReducedComponent, shape: Array) -> str:
     modes, dofs = component.modes, component.body.dofs
     size = np.array([abs(column).max(initial=0.0) for column in modes.Phi.T]) * abs(shape)
     moved = abs(modes.Phi @ shape)
-    # Nothing moves where the shapes of the basis cancel.
     if moved.max(initial=0.0) <= _NO_MOTION * size.max(initial=0.0):
         column = int(np.argmax(size))
         return (

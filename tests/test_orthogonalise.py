@@ -68,6 +68,23 @@ def test_errors_measure_what_is_off(modal, scale, shift, mass, stiffness):
     assert found[1] == pytest.approx(stiffness, rel=2e-3)
 
 
+@pytest.mark.parametrize(("share", "least", "most"), [(1e-9, 0.0, 1e-12), (1e-7, 0.9e-7, 1.1e-7)])
+def test_rigid_motions_of_a_stiffness_alone_load_no_elastic_mode(share, least, most):
+    """Where coordinates have few digits, rigid motions come from K: its rounding lies at the dofs that are given.
+
+    A motion that is wrong by more than rounding stays, and its error is shown.
+    """
+    body = line("arm", [0, 0, 0], [1.2, 0, 0], 8)
+    exact = orthogonalise(CraigBampton(2000.0).reduce(body))
+    rigid, elastic = np.split(exact.Phi, [6], axis=1)
+    error = share * elastic[:, :6] @ np.diag(1 / exact.omega[6:12]) * exact.omega[-1]
+    given = rigid + error
+    assert abs(given.T @ (body.K @ elastic)).max() > share * exact.omega[6] * exact.omega[-1]
+    modes = orthogonalise(CraigBampton(2000.0).reduce(body, rigid=given))
+    assert least < max(orthogonality_errors(modes)) < most
+    np.testing.assert_allclose(modes.omega[6:], exact.omega[6:], rtol=1e-10)
+
+
 def test_modes_between_heavy_ends_are_the_fixed_ones():
     body = bar()
     rows = np.concatenate([body.interface_rows(face) for face in "ab"])

@@ -14,6 +14,7 @@ from cmsreduce.linalg.blocks.basis import (
     outgrows,
     row_blocks,
     side_by_side,
+    skew_congruence,
 )
 from cmsreduce.linalg.blocks.products import (
     Product,
@@ -63,6 +64,7 @@ __all__ = [
     "row_blocks",
     "rows_of",
     "side_by_side",
+    "skew_congruence",
     "svd",
     "symmetric_product",
     "times",

@@ -27,6 +27,7 @@ __all__ = [
     "outgrows",
     "row_blocks",
     "side_by_side",
+    "skew_congruence",
 ]
 
 Array = NDArray[np.float64]
@@ -57,6 +58,16 @@ def row_blocks(n: int, m: int) -> Iterator[slice]:
     """Rows of a basis (n, m) in blocks of 8 MiB."""
     height = max(_VALUES // max(m, 1), 1)
     return (slice(first, min(first + height, n)) for first in range(0, n, height))
+
+
+def skew_congruence(G: Array | sp.csc_array, Phi: Array) -> Array:
+    """Phi^T G Phi (m, m) of a skew matrix (n, n) that acts on few rows, as that of wheels, and shapes Phi (n, m)."""
+    skew = sp.csc_array(G)
+    rows = np.unique(skew.indices)
+    part, found = sp.csr_array(skew[rows][:, rows]), np.zeros((Phi.shape[1], Phi.shape[1]))
+    for block in row_blocks(rows.size, Phi.shape[1]):
+        found += Phi[rows[block]].T @ (part[block] @ Phi[rows])
+    return found
 
 
 def combined(Phi: Array, V: Array) -> Array:
