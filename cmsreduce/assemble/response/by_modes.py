@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.response.by_rows import ByRows
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.response import ResonanceError, frequency_blocks
 from cmsreduce.model import Matrix, Substructure
 
-__all__ = ["FEWER", "ByModes", "is_diagonal", "modal_weights", "resonant"]
+__all__ = ["ByModes", "is_diagonal", "modal_weights", "named", "resonant"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-FEWER = 4
-"""The part of a receptance between joints, inputs and outputs is formed alone if it has so many times fewer entries."""
-# For the motions of fewer points, either takes no time.
-_MANY = 48
 # Memory of the mode amplitudes of a block of frequencies, which stay in the cache.
 _CACHED_BYTES = 2**21
 
 
 @dataclass(frozen=True, eq=False)
-class ByModes:
+class ByModes(ByRows):
     """Receptance of a body in uncoupled modes, a sum over them.
 
     Parameters
@@ -41,6 +39,11 @@ class ByModes:
     sub: Substructure
     L: Real
 
+    @property
+    def motions(self) -> int:
+        """Number of motions."""
+        return int(self.L.shape[0])
+
     def __call__(self, omega: Real) -> Complex:
         """Receptances (f, p, p) at frequencies (f,) in rad/s.
 
@@ -49,36 +52,18 @@ class ByModes:
         MatrixError
             If a frequency hits a mode without damping.
         """
-        try:
+        with named(self.sub):
             return _by_modes(self.sub, self.L, omega)
-        except ResonanceError as error:
-            raise resonant(self.sub, error) from None
-
-    def has_fewer(self, sides: Iterable[tuple[Real, Real]]) -> bool:
-        """True if some pairs of rows (l, p) and (r, p) have far fewer entries between them than the whole receptance.
-
-        So it is with many sensors: only joints and inputs exert forces.
-        """
-        pairs = sum(np.count_nonzero(a.any(axis=1)) * np.count_nonzero(b.any(axis=1)) for a, b in sides)
-        return bool(self.L.shape[0] >= _MANY and FEWER * pairs <= self.L.shape[0] ** 2)
 
     def add(self, G: Complex, left: Real, right: Real, omega: Real) -> None:
-        """Add left Y right^T to an array (l, r, f), for rows (l, p) and (r, p) and frequencies (f,) in rad/s.
-
-        Raises
-        ------
-        MatrixError
-            If a frequency hits a mode without damping.
-        """
+        """Add left Y right^T to an array; see `ByRows.add`."""
         rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
         motion, force = left[rows] @ self.L, (right[columns] @ self.L).T
         if not (motion.size and force.size):
             return
         for part in frequency_blocks(omega.size, 16 * (3 * self.sub.m + force.size), _CACHED_BYTES):
-            try:
+            with named(self.sub):
                 weights = modal_weights(self.sub, omega[part]).T
-            except ResonanceError as error:
-                raise resonant(self.sub, error) from None
             amplitudes = np.ascontiguousarray(force[:, :, None] * weights[:, None])
             moved = motion @ amplitudes.view(np.float64).reshape(len(force), -1)
             G[rows[:, None], columns, part] += moved.view(np.complex128).reshape(rows.size, columns.size, -1)
@@ -124,6 +109,15 @@ def resonant(sub: Substructure, error: ResonanceError) -> MatrixError:
         f"body '{sub.name}' has no damping and resonates at {error.omega / 2 / np.pi:.6g} Hz, where its "
         "response is infinite; give it `damping:`, or move the frequency grid"
     )
+
+
+@contextmanager
+def named(sub: Substructure) -> Iterator[None]:
+    """Name the body in an error for a frequency that hits one of its resonances."""
+    try:
+        yield
+    except ResonanceError as error:
+        raise resonant(sub, error) from None
 
 
 def _by_modes(sub: Substructure, L: Real, omega: Real) -> Complex:

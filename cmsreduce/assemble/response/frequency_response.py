@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.held_bodies import held_bodies
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.response.by_modes import ByModes
+from cmsreduce.assemble.response.by_rows import ByRows, add_between, frequencies_last
 from cmsreduce.assemble.response.joint_chains import joint_chain
-from cmsreduce.assemble.response.receptance import DAMPED_RIGID, Receptance, add_between, frequencies_last, receptance
+from cmsreduce.assemble.response.receptance import DAMPED_RIGID, Receptance, receptance
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.linalg.blocks import dense, svd
@@ -32,7 +32,12 @@ _BLOCK_BYTES = 2**24
 _OF_SEVERAL = 4
 
 
-def body_receptances(stack: PointStack, omega: Array, wired: NDArray[np.bool_] | None = None) -> dict[str, Receptance]:
+def body_receptances(
+    stack: PointStack,
+    omega: Array,
+    wired: NDArray[np.bool_] | None = None,
+    loaded: NDArray[np.bool_] | None = None,
+) -> dict[str, Receptance]:
     """Prepare the receptances of all bodies over their motions (`PointStack.moving`).
 
     Parameters
@@ -43,6 +48,8 @@ def body_receptances(stack: PointStack, omega: Array, wired: NDArray[np.bool_] |
         Circular frequencies in rad/s; the receptances are valid up to the highest.
     wired : (size,) bool, optional
         Motions of all points that joints, inputs or outputs use. The others have receptances of zero, without solves.
+    loaded : (size,) bool, optional
+        Motions of all points along which joints or inputs act; see `receptance`.
 
     Raises
     ------
@@ -52,10 +59,10 @@ def body_receptances(stack: PointStack, omega: Array, wired: NDArray[np.bool_] |
     found = {}
     for name, sub in stack.substructures.items():
         moving = stack.moving(name)
-        rows = dense(stack.motions(name)[moving])
+        rows, here = dense(stack.motions(name)[moving]), stack.body_columns(name).start + moving
         if wired is not None:
-            rows = rows * wired[stack.body_columns(name).start + moving, None]
-        found[name] = receptance(sub, omega, rows)
+            rows = rows * wired[here, None]
+        found[name] = receptance(sub, omega, rows, None if loaded is None else loaded[here])
     return found
 
 
@@ -140,7 +147,7 @@ def _from_receptances(
     direct = {
         name: of
         for name, of in receptances.items()
-        if isinstance(of, ByModes)
+        if isinstance(of, ByRows)
         and of.has_fewer((each.left[:, columns[name]], each.right[:, columns[name]]) for each in joined)
     }
     entries = sum(place.size**2 for name, place in columns.items() if name not in direct)

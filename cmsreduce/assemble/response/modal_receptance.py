@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble.points import PointStack, balanced
 from cmsreduce.assemble.response.by_modes import modal_weights, resonant
+from cmsreduce.assemble.response.by_rows import add_between, frequencies_last
 from cmsreduce.assemble.response.modal_terms import (
     Change,
     Columns,
@@ -21,7 +22,7 @@ from cmsreduce.assemble.response.modal_terms import (
     add_terms,
     eliminated,
 )
-from cmsreduce.assemble.response.receptance import Receptance, add_between, frequencies_last
+from cmsreduce.assemble.response.receptance import Receptance
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows
 from cmsreduce.assemble.system import Wiring
 from cmsreduce.linalg.blocks import dense

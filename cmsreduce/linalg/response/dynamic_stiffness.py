@@ -67,18 +67,22 @@ class DynamicStiffness:
         A, C = self._parts(omega)
         return sp.csc_array(A + (0j * A if C is None else 1j * C))
 
-    def flexibility(self, load: NDArray[np.float64], omega: float) -> NDArray[np.complex128]:
-        """Dynamic flexibility load^T Z^-1 load by a solve at one frequency.
+    def flexibility(
+        self, load: NDArray[np.float64], omega: float, seen: NDArray[np.float64] | None = None
+    ) -> NDArray[np.complex128]:
+        """Dynamic flexibility load^T Z^-1 load, or seen^T Z^-1 load, by a solve at one frequency.
 
         Parameters
         ----------
         load : (n, p) float64
         omega : float
             In rad/s.
+        seen : (n, s) float64, optional
+            Motions, as loads.
 
         Returns
         -------
-        Y : (p, p) complex128
+        Y : (p, p) or (s, p) complex128
 
         Raises
         ------
@@ -87,7 +91,7 @@ class DynamicStiffness:
         MatrixError
             If the motions do not meet the equations.
         """
-        return np.asarray(load.T @ self.solve(load, omega))
+        return np.asarray((load if seen is None else seen).T @ self.solve(load, omega))
 
     def solve(self, load: NDArray[np.float64], omega: float) -> NDArray[np.complex128]:
         """Motions Z^-1 load (n, p) by a solve at one frequency; arguments and errors as of `flexibility`.

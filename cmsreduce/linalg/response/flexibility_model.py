@@ -6,6 +6,9 @@ the rest K - w^2 M is at least (1 - w^2/w_c^2) K, so that
 
     |error_ab| <= |r_a| |r_b| / (1 - w^2/w_c^2),   |r|^2 = r^H K^-1 r.
 
+The response seen at a motion b that is no load, of which the shapes may know nothing, has this error with |r_b| at most
+the static flexibility of the modes above w_c. These are a part of the absolute modal terms of Y_bb.
+
 This holds at resonances between the sampled frequencies too. It is a bound for damping that does not couple the modes.
 For other damping it neglects the coupling through the modes, which is of the order of the damping.
 """
@@ -83,7 +86,7 @@ class Evaluation:
     Y : (f, p, p) complex128
         Dynamic flexibility.
     error : (f,) float64
-        Upper bound of |error_ab| / sqrt(size_a size_b).
+        Upper bound of |error_ab| / sqrt(size_a size_b), of loads a, and of loads or of motions b that are seen.
     size : (f, p) float64
         |Y_aa|, a thousandth of the sum of its absolute modal terms, or the energy of its residual: the largest of them.
     residual : (f, q, p) complex128
@@ -112,6 +115,10 @@ class FlexibilityModel:
         Residual of the loads.
     ceiling : float
         Frequency in rad/s up to which every mode is among the shapes.
+    seen : (k, s) float64, optional
+        Motions at which the responses to the loads are seen, on the shapes; absent if they are the loads' own.
+    beyond : (s,) float64, optional
+        Static flexibility of these motions beyond the shapes.
     """
 
     load: Real
@@ -121,6 +128,8 @@ class FlexibilityModel:
     loss: Real
     residual: Residual
     ceiling: float
+    seen: Real | None = None
+    beyond: Real | None = None
 
     @property
     def k(self) -> int:
@@ -144,31 +153,41 @@ class FlexibilityModel:
         """
         y = self.amplitudes(omega)
         Y = _times(self.load.T, y)
-        driving = abs(np.einsum("faa->fa", Y))
-        size = np.maximum(driving, _ANTIRESONANCE * (1 / abs(self._diagonal(omega))) @ self.load**2)
+        size = np.maximum(abs(np.einsum("faa->fa", Y)), self.least(omega, self.load))
         r = self.residual(omega, y)
         square = np.einsum("fqa,fqa->fa", r.real, r.real) + np.einsum("fqa,fqa->fa", r.imag, r.imag)
         # Without any shape, as for a body that is stiff in the band, the model is zero.
         size = np.maximum(size, np.maximum(square, _LEAST))
-        error = (square / size).max(axis=1, initial=0.0) * self.amplification(omega)
+        share = (square / size).max(axis=1, initial=0.0)
+        error = (share if self.seen is None else np.sqrt(share / _ANTIRESONANCE)) * self.amplification(omega)
         return Evaluation(Y, error, size, r)
+
+    def least(self, omega: Real, load: Real) -> Real:
+        """Least sizes (f, p) of the receptances at loads on the shapes (k, p): a share of their modal terms."""
+        return np.asarray(_ANTIRESONANCE * (1 / abs(self._diagonal(omega))) @ load**2)
+
+    def weight(self, omega: Real, size: Real, allowed: float) -> Real:
+        """Factors (f, p) that make the squared residuals of the loads one where the error is the allowed one."""
+        share = self.amplification(omega)[:, None] / allowed
+        return np.asarray((share if self.seen is None else share**2 / _ANTIRESONANCE) / size)
 
     @property
     def coupled(self) -> bool:
         """True if damping couples the shapes."""
         return self.drag.ndim == 2 or self.loss.ndim == 2
 
-    def amplitudes(self, omega: Real) -> Complex:
-        """Amplitudes of the shapes under the loads (f, k, p)."""
+    def amplitudes(self, omega: Real, load: Real | None = None) -> Complex:
+        """Amplitudes of the shapes under the loads, or under others on the shapes (k, p), (f, k, p)."""
+        load = self.load if load is None else load
         hit = self.hits(omega)
         if hit.any():
             raise ResonanceError(float(omega[hit][0]))
         if not self.coupled:
-            return np.asarray(self.load / self._diagonal(omega)[:, :, None])
+            return np.asarray(load / self._diagonal(omega)[:, :, None])
         w = omega[:, None, None]
         Z = 1j * (w * _full(self.drag) + _full(self.loss))
         Z[:, range(self.k), range(self.k)] += self.stiffness - omega[:, None] ** 2 * self.mass
-        F = np.broadcast_to(self.load.astype(np.complex128), (omega.size, *self.load.shape))
+        F = np.broadcast_to(load.astype(np.complex128), (omega.size, *load.shape))
         return np.asarray(np.linalg.solve(Z, F), dtype=np.complex128)
 
     def detuning(self, omega: Real) -> Real:

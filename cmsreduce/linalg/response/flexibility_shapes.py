@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import modes_below
+from cmsreduce.linalg.response.confirmed_flexibility import RESPONSE_TOLERANCE, UnconfirmedError, confirm
 from cmsreduce.linalg.response.dynamic_stiffness import DynamicStiffness
 from cmsreduce.linalg.response.flexibility_model import FlexibilityModel, Residual, frequency_blocks
 from cmsreduce.linalg.sparse import ElasticFlexibility, Solve, factorise
@@ -27,8 +26,6 @@ __all__ = [
 
 Real = NDArray[np.float64]
 
-RESPONSE_TOLERANCE = 1e-6
-"""Largest error of a receptance, relative to the driving-point receptances of its two ends (``Evaluation.size``)."""
 # Modes are computed to this many times the highest frequency. The modes above then respond at most
 # 1/(1 - 1/1.25^2) = 2.8 times as much as statically.
 _BEYOND = 1.25
@@ -42,19 +39,12 @@ _ROUNDS = 12
 _SIGNIFICANT = 0.1
 # More shapes than this share of the dofs save no time.
 _MOST = 0.5
-# A frequency is clear of resonances if 1 - w^2/w_i^2 of every mode exceeds this. Nearer to an undamped resonance the
-# rounding of the matrices dominates a comparison.
-_CLEAR = 1e-3
 # A column depends on the shapes if no more than this share of its length lies outside them.
 _DEPENDENT = 1e-10
 # Damping is diagonal in the shapes if no other entry exceeds this share of the diagonal ones.
 _DIAGONAL = 1e-9
 
 _LOAD, _MASS, _LOSS, _DRAG = range(4)
-
-
-class UnconfirmedError(MatrixError):
-    """The measured error of a model exceeds the tolerance although its bound does not."""
 
 
 def adaptive_flexibility(
@@ -65,6 +55,7 @@ def adaptive_flexibility(
     rigid: Real,
     damped_rigid: bool = False,
     rounding: float = 2.0**-53,
+    seen: Real | None = None,
 ) -> FlexibilityModel:
     """Build a flexibility model that is accurate at given frequencies; its own bound shows the accuracy between them.
 
@@ -82,6 +73,9 @@ def adaptive_flexibility(
         True if D acts on rigid motion, which is then a part of the response.
     rounding : float
         Relative rounding of the entries of K and M. An error no larger than what it moves the response by is accepted.
+    seen : (n, s) float64, optional
+        Motions at which the responses are seen, as loads; those of the loads if absent. No shapes are made for them, so
+        that many cost little.
 
     Returns
     -------
@@ -109,7 +103,7 @@ def adaptive_flexibility(
     flexibility: Solve = ElasticFlexibility(Z.K, Z.M, rigid) if rigid.shape[1] else factorise(Z.K)
     ceiling = _BEYOND * float(omega.max())
     w, Phi = modes_below(Z.K, Z.M, ceiling, rigid=rigid, solve=flexibility, rounding=rounding)
-    shapes = FlexibilityShapes(Z, load, flexibility, rigid, damped_rigid=damped_rigid)
+    shapes = FlexibilityShapes(Z, load, flexibility, rigid, damped_rigid=damped_rigid, seen=seen)
     shapes.add(Phi)
     grid = _sampled(omega, w)
     model = shapes.model(ceiling)
@@ -119,7 +113,7 @@ def adaptive_flexibility(
             break
         shapes.add(shapes.toward(directions))
         model = shapes.model(ceiling)
-    _confirm(Z, load, shapes, model, omega, rounding)
+    confirm(shapes, model, omega, rounding)
     return model
 
 
@@ -141,10 +135,21 @@ class FlexibilityShapes:
         Rigid-body modes, orthonormal in M.
     damped_rigid : bool
         True if D acts on rigid motion; the rigid modes are then the first shapes.
+    seen : (n, s) float64, optional
+        Motions at which the responses are seen, as loads.
     """
 
-    def __init__(self, Z: DynamicStiffness, load: Real, flexibility: Solve, rigid: Real, *, damped_rigid: bool) -> None:
-        self.Z, self.load, self.flexibility = Z, load, flexibility
+    def __init__(
+        self,
+        Z: DynamicStiffness,
+        load: Real,
+        flexibility: Solve,
+        rigid: Real,
+        *,
+        damped_rigid: bool,
+        seen: Real | None = None,
+    ) -> None:
+        self.Z, self.load, self.seen, self.flexibility = Z, load, seen, flexibility
         self._rigid, self._momentum = rigid, np.asarray(Z.M @ rigid)
         self.basis = rigid if damped_rigid else rigid[:, :0]
         self.rigid_count = self.basis.shape[1]
@@ -153,6 +158,10 @@ class FlexibilityShapes:
         # Parts outside the shapes, with the matrix and the load or shape of each, and its length with the part inside.
         self._columns = load[:, :0]
         self._origin, self._index, self._length = np.empty(0, int), np.empty(0, int), np.empty(0)
+        self._static = np.empty(0)
+        if seen is not None:
+            some = frequency_blocks(seen.shape[1], 8 * Z.n)
+            self._static = np.hstack([np.sum(seen[:, k] * flexibility(seen[:, k]), axis=0) for k in some])
         self._put_outside(load, _LOAD, 0)
         self._multiply(self.basis, load[:, :0])
         self._settle()
@@ -179,6 +188,7 @@ class FlexibilityShapes:
             Frequency in rad/s up to which every mode is among the shapes.
         """
         T, b = self.turn, self.rigid_count
+        seen = None if self.seen is None else self.basis.T @ self.seen
         parts = []
         for origin in (_LOAD, *self._matrices):
             own = self._origin == origin
@@ -194,6 +204,8 @@ class FlexibilityShapes:
             loss=_diagonal(T.T @ self._small[_LOSS] @ T),
             residual=Residual(*parts),
             ceiling=ceiling,
+            seen=None if seen is None else T.T @ seen,
+            beyond=None if seen is None else np.maximum(self._static - np.sum(seen[b:] ** 2, axis=0), 0.0),
         )
 
     @property
@@ -255,43 +267,6 @@ class FlexibilityShapes:
         return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", X, self.Z.K @ X), 0.0)))
 
 
-def _confirm(
-    Z: DynamicStiffness,
-    load: Real,
-    shapes: FlexibilityShapes,
-    model: FlexibilityModel,
-    omega: Real,
-    rounding: float,
-) -> None:
-    """Measure the error with the body's matrices where its bound is largest, and at a random frequency."""
-    detuned = model.detuning(omega)
-    clear = omega[detuned >= min(_CLEAR, detuned.max())]
-    error = np.concatenate([model(clear[part]).error for part in frequency_blocks(clear.size, model.bytes_each)])
-    sure = error <= RESPONSE_TOLERANCE
-    clear, error = clear[sure], error[sure]
-    if not clear.size:
-        return
-    random = np.random.default_rng(clear.size).integers(clear.size)
-    for w in np.unique(clear[[int(error.argmax()), int(random)]]):
-        found = model(np.array([w]))
-        motion = shapes.basis @ (shapes.turn @ model.amplitudes(np.array([w]))[0])
-        if model.coupled:
-            difference = Z.flexibility(load, w) - found.Y[0]
-        else:
-            r = load - Z.at(w) @ motion
-            undamped = factorise(sp.csc_array(Z.K - w**2 * Z.M), definite=False, what="the dynamic stiffness")
-            difference = r.T @ (undamped(r.real) + 1j * undamped(r.imag))
-        # Rounding dK of the stiffness moves the response by u^T dK u.
-        explained = rounding * (abs(motion).T @ (abs(Z.K) @ abs(motion)))
-        size = np.sqrt(found.size[0][:, None]) * np.sqrt(found.size[0])
-        measured = float((abs(difference) / np.maximum(size, explained / RESPONSE_TOLERANCE)).max())
-        if not measured <= RESPONSE_TOLERANCE:
-            raise UnconfirmedError(
-                f"the flexibility model errs by {measured:.1e} at {w / 2 / np.pi:.6g} Hz where its bound is "
-                f"{found.error[0]:.1e}"
-            )
-
-
 def _sampled(omega: Real, resonances: Real) -> Real:
     """Sampled frequencies of the grid and sampled resonances within it."""
     grid = np.unique(omega)
@@ -315,7 +290,7 @@ def _significant(model: FlexibilityModel, omega: Real, allowed: float) -> Real:
     for part in frequency_blocks(omega.size, model.bytes_each):
         found = model(omega[part])
         inaccurate = found.error > allowed
-        weight = model.amplification(omega[part])[inaccurate, None] / (allowed * found.size[inaccurate])
+        weight = model.weight(omega[part][inaccurate], found.size[inaccurate], allowed)
         r = found.residual[inaccurate] * np.sqrt(weight)[:, None, :]
         r = np.moveaxis(r, 1, 0).reshape(q, -1)
         gathered += r.real @ r.real.T + r.imag @ r.imag.T

@@ -218,7 +218,16 @@ class AssembledModel:
         if nominal is not None and nominal.substructures.get(name) is self.substructures[name]:
             return nominal._receptance(name)
         alone = PointStack({name: self.held.substructures[name]})
-        return body_receptances(alone, decibel_grid(self.scene.band))[name]
+        loaded = self._loaded[self.held.stack.body_columns(name)]
+        return body_receptances(alone, decibel_grid(self.scene.band), loaded=loaded)[name]
+
+    @property
+    @once
+    def _loaded(self) -> NDArray[np.bool_]:
+        """Motions of the points at which joints or inputs act: the same in all configurations."""
+        wiring = self.held.wiring(self.wiring(self.scene.configurations[0]))
+        points = np.vstack([wiring.A, wiring.B]).any(axis=0).reshape(-1, 6).any(axis=1)
+        return np.repeat(points, 6)
 
     def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
         """Dynamic flexibilities of the ``held`` bodies for every configuration.

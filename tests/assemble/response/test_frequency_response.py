@@ -21,6 +21,7 @@ from cmsreduce.assemble import (
     wire,
 )
 from cmsreduce.assemble.response.by_modes import ByModes
+from cmsreduce.assemble.response.by_solves import DenseSolves
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.response import DynamicStiffness
 from cmsreduce.model import SCALAR, Configuration, Damping, DofTable, FEModel, Placement, Point, Scene, System
@@ -232,6 +233,7 @@ def test_many_sensors_ask_for_their_own_responses_alone(damping, monkeypatch):
     )
     stack = PointStack(subs)
     monkeypatch.setattr(ByModes, "__call__", whole)
+    monkeypatch.setattr(DenseSolves, "__call__", whole)
     wirings = [wire(stack, scene, each) for each in scene.configurations]
     grids = [OMEGA, OMEGA[::3]]
     found = couple(body_receptances(stack, OMEGA), stack, wirings, grids)

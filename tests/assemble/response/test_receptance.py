@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from cmsreduce.assemble import PointStack, couple, receptance, receptances, tabulated, wire
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.response import DynamicStiffness
+from cmsreduce.linalg.response import DynamicStiffness, adaptive_flexibility
 from cmsreduce.model import Damping, Scene
 from tests.assemble.rigs import at, physical
 from tests.frames import line
@@ -31,9 +31,12 @@ def counted(monkeypatch):
     """Frequencies at which the whole body is solved."""
     solved = []
     honest = DynamicStiffness.flexibility
-    monkeypatch.setattr(
-        DynamicStiffness, "flexibility", lambda self, load, w: solved.append(w) or honest(self, load, w)
-    )
+
+    def flexibility(self, load, w, *seen):
+        solved.append(w)
+        return honest(self, load, w, *seen)
+
+    monkeypatch.setattr(DynamicStiffness, "flexibility", flexibility)
     return solved
 
 
@@ -69,6 +72,44 @@ def test_a_dashpot_couples_the_modes_and_two_points_are_solved(monkeypatch):
     found = receptances(sub, OMEGA, sub.motion["51"])
     assert len(solved) == 2
     assert same(found, dense_response(sub, sub.motion["51"].toarray(), OMEGA))
+
+
+@pytest.mark.parametrize("damping", ["structural", "dashpot"])
+def test_a_body_of_many_sensors_has_shapes_for_the_forces_alone(damping, monkeypatch):
+    """Its responses are as accurate at motions that are only seen; those of efforts along these have a digit."""
+    asked = []
+
+    def prepared(Z, load, *others, **named):
+        asked.append(load.shape[1])
+        return adaptive_flexibility(Z, load, *others, **named)
+
+    monkeypatch.setitem(receptance.__globals__, "adaptive_flexibility", prepared)
+    sub = mast()
+    if damping == "dashpot":
+        u = sp.csc_array(([1.0], ([150], [0])), shape=(sub.m, 1))
+        sub = replace(mast(Damping(structural=0.002)), D=sp.csc_array(40.0 * u @ u.T))
+    L = sp.eye_array(sub.m, format="csr")[::2].toarray()
+    loaded = np.zeros(len(L), dtype=bool)
+    loaded[-2:] = True
+    of = receptance(sub, OMEGA, L, loaded)
+    left, right = np.eye(len(L)), np.eye(len(L))[loaded]
+    assert asked == [2]
+    assert of.has_fewer([(left, right)])
+    G = np.zeros((len(L), 2, OMEGA.size), dtype=complex)
+    of.add(G, left, right, OMEGA)
+    expected = dense_response(sub, L, OMEGA)
+    size = np.sqrt(abs(np.einsum("faa->af", expected)))
+    assert (abs(G - expected[:, :, loaded].transpose(1, 2, 0)) < 1e-6 * size[:, None] * size[loaded]).all()
+    own, some = np.zeros((9, 9, OMEGA.size), dtype=complex), left[5:50:5]
+    of.add(own, some, some, OMEGA)
+    ratio = abs(np.einsum("aaf->af", own)) / size[5:50:5] ** 2
+    assert asked == [2]
+    assert ratio.min() > 0.5
+    assert ratio.max() < 2
+    # Forces along motions that were not announced, seen elsewhere, measure nothing: they are exact.
+    exact = np.zeros((len(L) - 1, 1, OMEGA.size), dtype=complex)
+    of.add(exact, left[1:], left[[0]], OMEGA)
+    assert (abs(exact[:, 0] - expected[:, 1:, 0].T) < 1e-6 * size[1:] * size[0]).all()
 
 
 def test_a_free_solid_has_no_rotations_and_its_rigid_part_is_exact(monkeypatch):

@@ -1,0 +1,90 @@
+"""Receptances that are also formed between some rows alone."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["FEWER", "MANY", "ByRows", "add_between", "frequencies_last"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+FEWER = 4
+"""The part of a receptance between joints, inputs and outputs is formed alone if it has so many times fewer entries."""
+MANY = 48
+"""For the motions of fewer points, either takes no time."""
+
+
+class ByRows(ABC):
+    """Receptance of a body over its motions, or between some rows of them alone."""
+
+    @property
+    @abstractmethod
+    def motions(self) -> int:
+        """Number of motions."""
+
+    @abstractmethod
+    def __call__(self, omega: Real) -> Complex:
+        """Receptances (f, p, p) at frequencies (f,) in rad/s.
+
+        Raises
+        ------
+        MatrixError
+            If a frequency hits a mode without damping.
+        """
+
+    @abstractmethod
+    def add(self, G: Complex, left: Real, right: Real, omega: Real) -> None:
+        """Add left Y right^T to an array (l, r, f), for rows (l, p) and (r, p) and frequencies (f,) in rad/s.
+
+        Raises
+        ------
+        MatrixError
+            If a frequency hits a mode without damping.
+        """
+
+    def has_fewer(self, sides: Iterable[tuple[Real, Real]]) -> bool:
+        """True if some pairs of rows (l, p) and (r, p) have far fewer entries between them than the whole receptance.
+
+        So it is with many sensors: only joints and inputs exert forces.
+        """
+        pairs = sum(np.count_nonzero(a.any(axis=1)) * np.count_nonzero(b.any(axis=1)) for a, b in sides)
+        return bool(self.motions >= MANY and FEWER * pairs <= self.motions**2)
+
+
+def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
+    """Add left Y right^T at every frequency to an array, in products of real matrices over all frequencies.
+
+    Parameters
+    ----------
+    G : (l, r, f) complex128
+        Changed in place.
+    left, right : (l, p), (r, p) float64
+    Y : (p, p, f) complex128
+        Contiguous: one body's receptance, frequencies last.
+    """
+    # Joints and sensors of other bodies have zero rows here.
+    rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
+    if not (rows.size and columns.size and Y.size):
+        return
+    # With many sensors, most motions are measured and few are loaded.
+    moved, loaded = (np.flatnonzero(side.any(axis=0)) for side in (left, right))
+    if FEWER * moved.size * loaded.size <= Y.shape[0] * Y.shape[1]:
+        left, right, Y = left[:, moved], right[:, loaded], Y[np.ix_(moved, loaded)]
+    p, q, f = Y.shape
+    half = (left[rows] @ Y.view(np.float64).reshape(p, -1)).reshape(rows.size, q, 2 * f)
+    both = right[columns] @ half
+    # Selected rows and columns would be copied before and after the sum.
+    if both.size == 2 * G.size:
+        G.view(np.float64)[...] += both
+    else:
+        G[np.ix_(rows, columns)] += both.view(np.complex128)
+
+
+def frequencies_last(Y: Complex) -> Complex:
+    """Reorder a receptance (f, p, p) to (p, p, f), contiguous; that of a body in modes is not copied."""
+    return np.ascontiguousarray(Y.transpose(1, 2, 0))
