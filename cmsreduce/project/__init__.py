@@ -16,7 +16,8 @@ from cmsreduce.project.response_certificate import (
     richer_shapes,
     settled_certificates,
 )
-from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes, trapezoidal
+from cmsreduce.project.response_sample import ResponseSample, trapezoidal
+from cmsreduce.project.scene_responses import SceneResponses, Shapes
 from cmsreduce.project.scene_shapes import ResponseLimits, SceneFit, energy_shapes, fit_shapes, objective
 from cmsreduce.project.settled_shapes import Judged, Settled
 from cmsreduce.project.shape_losses import ShapeLosses

@@ -133,12 +133,13 @@ class BodyModes:
         w = omega[:, None]
         return np.asarray(self.omega**2 * (1 + 1j * self.loss) + 1j * w * viscous - w**2)
 
-    def solve(self, omega: float, F: Complex) -> Complex:
-        """Z^-1 F at one frequency, for loads (n, p)."""
-        if self.D.ndim == 1:
-            return np.asarray(F / self.modal_stiffness(np.array([omega])).T)
-        diagonal = self.omega**2 * (1 + 1j * self.loss) - omega**2
-        return np.asarray(np.linalg.solve(np.diag(diagonal) + 1j * omega * self.D, F))
+    def in_all_modes(self, omega: Array) -> ShapeFlexibility:
+        """Z^-1 at frequencies (f,)."""
+        one = np.eye(self.count)
+        if self.D.ndim == 2:
+            return self.flexibility(one, omega)
+        unit = one.astype(np.complex128)
+        return ShapeFlexibility(1 / self.modal_stiffness(omega), unit, unit)
 
     def dual_norms(self, omega: Array, F: Complex) -> Array:
         """F^H (loss K + w D)^-1 F of loads (f, n, p), or more; infinite along motions without damping."""

@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.project.scene_responses import JoinedShapes, ResponseSample, SceneResponses, Shapes
+from cmsreduce.project.joined_shapes import JoinedShapes
+from cmsreduce.project.scene_responses import SceneResponses, Shapes
 
 __all__ = ["ESTIMATE_FACTOR", "ResponseCertificate", "response_certificates", "richer_shapes", "settled_certificates"]
 
@@ -65,8 +66,8 @@ def richer_shapes(scene: SceneResponses, shapes: Shapes, more: int) -> dict[str,
     for name, body in scene.bodies.items():
         V, w = shapes[name], body.omega[:, None]
         fields = []
-        for sample, each in zip(scene.samples, joined, strict=True):
-            for R in _residuals(scene, sample, each, shapes, name):
+        for each in joined:
+            for R in _residuals(scene, each, shapes, name):
                 flat = R.transpose(1, 0, 2).reshape(body.count, -1) / w
                 size = np.linalg.norm(flat, axis=0)
                 flat = flat[:, size > 0] / size[size > 0] ** 0.5
@@ -105,7 +106,7 @@ def response_certificates(scene: SceneResponses, shapes: Shapes, richer: Shapes)
         estimate = more.H - less.H
         primal, adjoint = np.zeros(more.H.shape[::2]), np.zeros(more.H.shape[:2])
         for name, body in scene.bodies.items():
-            left, right = _residuals(scene, sample, more, richer, name)
+            left, right = _residuals(scene, more, richer, name)
             for R, total in ((right, primal), (left, adjoint)):
                 total += body.dual_norms(sample.omega, R)
         unknown = np.isinf(adjoint)[:, :, None] | np.isinf(primal)[:, None, :]
@@ -143,17 +144,15 @@ def settled_certificates(scene: SceneResponses, shapes: Shapes) -> list[Response
     return found
 
 
-def _residuals(
-    scene: SceneResponses, sample: ResponseSample, joined: JoinedShapes, shapes: Shapes, name: str
-) -> tuple[Complex, Complex]:
+def _residuals(scene: SceneResponses, joined: JoinedShapes, shapes: Shapes, name: str) -> tuple[Complex, Complex]:
     """Residuals of the adjoint and of the primal solution of one body (f, n, outputs), (f, n, inputs)."""
-    body, V = scene.bodies[name], shapes[name]
+    body, V, sample = scene.bodies[name], shapes[name], joined.sample
     w, square = sample.omega[:, None, None], body.omega[:, None] ** 2 * (1 + 1j * body.loss)
     strain, drag = square * V, np.asarray(body.damped(V))
     found = []
-    for rows, forces, amplitudes in (
-        (sample.left[name], joined.observers, joined.adjoint[name]),
-        (sample.right[name], joined.loads, joined.primal[name]),
+    for forces, amplitudes in (
+        (joined.observed(sample.left[name]), joined.adjoint[name]),
+        (sample.right[name].T @ joined.loads, joined.primal[name]),
     ):
-        found.append(rows.T @ forces - strain @ amplitudes - 1j * w * (drag @ amplitudes) + w**2 * (V @ amplitudes))
+        found.append(forces - strain @ amplitudes - 1j * w * (drag @ amplitudes) + w**2 * (V @ amplitudes))
     return found[0], found[1]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import svd
-from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes, trapezoidal
+from cmsreduce.project.response_sample import ResponseSample, trapezoidal
+from cmsreduce.project.scene_responses import SceneResponses, Shapes
 
 __all__ = [
     "ResponseLimits",

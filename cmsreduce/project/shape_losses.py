@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.project.scene_responses import BodyPart, ResponseSample, SceneResponses, Shapes, coupled, forces
+from cmsreduce.project.joined_shapes import JoinedShapes
+from cmsreduce.project.scene_responses import SceneResponses, Shapes
 
 __all__ = ["BodyLosses", "ShapeLosses"]
 
@@ -16,33 +16,14 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """One configuration: the response, loads, observers, and the inverse flexibility between the joint rows."""
-
-    sample: ResponseSample
-    parts: Sequence[BodyPart]
-    H: Complex
-    loads: Complex
-    observers: Complex
-    inverse: Complex
-
-    @classmethod
-    def of(cls, sample: ResponseSample, parts: Sequence[BodyPart]) -> _Place:
-        G = coupled(sample, parts)
-        loads, observers, H = forces(sample, G)
-        inverse = np.asarray(np.linalg.inv(G[:, : sample.c, : sample.c]))
-        return cls(sample, parts, H, loads, observers, inverse)
-
-    def along(self, name: str) -> tuple[Complex, Complex, Complex, Complex]:
-        """The response; primal and adjoint amplitudes of a body's shapes, and the flexibility along them (f, k, k)."""
-        (part,) = (each for each in self.parts if each.name == name)
-        Y, one = part.Y, np.eye(part.left.shape[1])
-        joint, force = part.rows < self.sample.c, part.columns < self.sample.c
-        held = self.inverse[:, part.columns[force][:, None], part.rows[joint]] @ Y.between(part.left[joint], one)
-        x = Y.amplitudes(part.right, self.loads[:, part.columns])
-        z = Y.amplitudes(part.left, self.observers[:, part.rows])
-        return self.H, x, z, Y.between(one, one) - Y.between(one, part.right[force]) @ held
+def _along(joined: JoinedShapes, inverse: Complex, name: str) -> tuple[Complex, Complex, Complex, Complex]:
+    """The response; primal and adjoint amplitudes of a body's shapes, and the flexibility along them (f, k, k)."""
+    (part,) = (each for each in joined.parts if each.name == name)
+    c, Y, one = joined.sample.c, part.Y, np.eye(part.left.shape[1])
+    joint, force = part.rows < c, part.columns < c
+    held = inverse[:, part.columns[force][:, None], part.rows[joint]] @ Y.between(part.left[joint], one)
+    along = Y.between(one, one) - Y.between(one, part.right[force]) @ held
+    return joined.H, joined.primal[name], joined.adjoint[name], along
 
 
 class ShapeLosses:
@@ -60,11 +41,13 @@ class ShapeLosses:
     """
 
     def __init__(self, scene: SceneResponses, shapes: Shapes) -> None:
-        self._places = [_Place.of(sample, parts) for sample, parts in scene.in_shapes(shapes)]
+        self._places = [
+            (joined, np.asarray(np.linalg.inv(joined.between_joints))) for joined in scene.in_shapes(shapes)
+        ]
 
     def of(self, name: str) -> BodyLosses:
         """The losses of one body."""
-        return BodyLosses([place.along(name) for place in self._places])
+        return BodyLosses([_along(*place, name) for place in self._places])
 
 
 class BodyLosses:

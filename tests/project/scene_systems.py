@@ -42,11 +42,14 @@ def random_scene(
             R = np.vstack([joint, rng.standard_normal((u, body.count + 3))])
             left[name], right[name] = L[:, 3:], R[:, 3:]
             rest -= (L[:, :3] @ R[:, :3].T) / omega[:, None, None] ** 2
-        measure = np.zeros((omega.size, y, y), dtype=np.complex128)
-        measure[:, np.arange(y), np.arange(y)] = np.where(rng.random(y) < 0.5, 1, 1j * omega[:, None])
+        quick = rng.random(y) >= 0.5
+        order = np.argsort(quick, kind="stable")
+        left = {name: np.vstack([L[:c], L[c:][order]]) for name, L in left.items()}
+        rest = np.concatenate([rest[:, :c], rest[:, c:][:, order]], axis=1)
+        kinds = tuple(np.flatnonzero(~quick).tolist()), tuple(np.flatnonzero(quick).tolist())
         none = np.zeros((omega.size, y, u), dtype=np.complex128)
         heard = np.ones((y, u), dtype=bool)
-        samples.append(ResponseSample(omega, left, right, rest, c, measure, none, none, np.ones(y), np.ones(u), heard))
+        samples.append(ResponseSample(omega, left, right, rest, c, *kinds, none, none, np.ones(y), np.ones(u), heard))
     scene = SceneResponses(bodies, samples)
     return SceneResponses(bodies, [_met(s, H) for s, H in zip(samples, whole_responses(scene), strict=True)])
 

@@ -120,17 +120,14 @@ class SampledScene:
             always = np.delete(np.arange(sub.m), e)
             rest += (L[:, always] * modal_weights(sub, omega, always)[:, None, :]) @ R[:, always].T
             left[name], right[name] = L[:, e], R[:, e]
-        d = len(rows.displacement)
-        measure = np.zeros((omega.size, rows.outputs, rows.shape[0] - rows.c), dtype=np.complex128)
-        measure[:, rows.displacement, np.arange(d)] = 1
-        measure[:, rows.rate, d + np.arange(len(rows.rate))] += 1j * omega[:, None]
         return ResponseSample(
             omega,
             left,
             right,
             rest,
             rows.c,
-            measure,
+            rows.displacement,
+            rows.rate,
             target.elastic + target.rigid,
             target.elastic,
             target.row,
