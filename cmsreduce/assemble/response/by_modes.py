@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.response.by_rows import ByRows
+from cmsreduce.assemble.response.by_rows import ByRows, products
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.response import ResonanceError, frequency_blocks
 from cmsreduce.model import Matrix, Substructure
@@ -55,18 +55,22 @@ class ByModes(ByRows):
         with named(self.sub):
             return _by_modes(self.sub, self.L, omega)
 
-    def add(self, G: Complex, left: Real, right: Real, omega: Real) -> None:
-        """Add left Y right^T to an array; see `ByRows.add`."""
+    def add(self, G: Complex, left: Real, right: Real, omega: Real, loads: Complex | None = None) -> None:
+        """Add left Y right^T, or left Y right^T loads, to an array; see `ByRows.add`."""
         rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
         motion, force = left[rows] @ self.L, (right[columns] @ self.L).T
         if not (motion.size and force.size):
             return
-        for part in frequency_blocks(omega.size, 16 * (3 * self.sub.m + force.size), _CACHED_BYTES):
+        into = columns if loads is None else np.arange(loads.shape[1])
+        for part in frequency_blocks(omega.size, 16 * self.sub.m * (3 + into.size), _CACHED_BYTES):
             with named(self.sub):
                 weights = modal_weights(self.sub, omega[part]).T
-            amplitudes = np.ascontiguousarray(force[:, :, None] * weights[:, None])
-            moved = motion @ amplitudes.view(np.float64).reshape(len(force), -1)
-            G[rows[:, None], columns, part] += moved.view(np.complex128).reshape(rows.size, columns.size, -1)
+            if loads is None:
+                acting: Real | Complex = force[:, :, None]
+            else:
+                acting = products(force, np.ascontiguousarray(loads[columns, :, part]))
+            amplitudes = np.ascontiguousarray(acting * weights[:, None])
+            G[rows[:, None], into, part] += products(motion, amplitudes)
 
 
 def is_diagonal(sub: Substructure) -> bool:

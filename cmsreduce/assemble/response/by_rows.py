@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FEWER", "MANY", "ByRows", "add_between", "frequencies_last"]
+__all__ = ["FEWER", "MANY", "ByRows", "add_between", "frequencies_last", "products"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -38,8 +38,18 @@ class ByRows(ABC):
         """
 
     @abstractmethod
-    def add(self, G: Complex, left: Real, right: Real, omega: Real) -> None:
-        """Add left Y right^T to an array (l, r, f), for rows (l, p) and (r, p) and frequencies (f,) in rad/s.
+    def add(self, G: Complex, left: Real, right: Real, omega: Real, loads: Complex | None = None) -> None:
+        """Add left Y right^T to an array, or left Y right^T loads.
+
+        Parameters
+        ----------
+        G : (l, r, f) or (l, i, f) complex128
+            Changed in place.
+        left, right : (l, p), (r, p) float64
+        omega : (f,) float64
+            Circular frequencies in rad/s.
+        loads : (r, i, f) complex128, optional
+            Contiguous forces at the rows on the right: few where the joints are known.
 
         Raises
         ------
@@ -56,17 +66,29 @@ class ByRows(ABC):
         return bool(self.motions >= MANY and FEWER * pairs <= self.motions**2)
 
 
-def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
-    """Add left Y right^T at every frequency to an array, in products of real matrices over all frequencies.
+def products(A: Real, X: Complex) -> Complex:
+    """A X of a real matrix (a, b) and a contiguous array (b, i, f), in real arithmetic."""
+    found = A @ X.reshape(len(X), -1).view(np.float64)
+    return np.asarray(found.view(np.complex128).reshape(len(A), *X.shape[1:]))
+
+
+def add_between(G: Complex, left: Real, Y: Complex, right: Real, loads: Complex | None = None) -> None:
+    """Add left Y right^T, or left Y right^T loads, to an array, in products of real matrices over all frequencies.
 
     Parameters
     ----------
-    G : (l, r, f) complex128
+    G : (l, r, f) or (l, i, f) complex128
         Changed in place.
     left, right : (l, p), (r, p) float64
     Y : (p, p, f) complex128
         Contiguous: one body's receptance, frequencies last.
+    loads : (r, i, f) complex128, optional
     """
+    if loads is not None:
+        between = np.zeros((left.shape[0], right.shape[0], Y.shape[2]), dtype=np.complex128)
+        add_between(between, left, Y, right)
+        G += np.einsum("lrf,rif->lif", between, loads)
+        return
     # Joints and sensors of other bodies have zero rows here.
     rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
     if not (rows.size and columns.size and Y.size):

@@ -82,10 +82,10 @@ class RigidMotion(ByRows):
         """Receptances (f, p, p); see `ByRows`."""
         return self._at(self.rigid, omega).transpose(2, 0, 1)
 
-    def add(self, G: Complex, left: Real, right: Real, omega: Real) -> None:
-        """Add left Y right^T to an array; see `ByRows.add`."""
+    def add(self, G: Complex, left: Real, right: Real, omega: Real, loads: Complex | None = None) -> None:
+        """Add left Y right^T, or left Y right^T loads, to an array; see `ByRows.add`."""
         rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
-        G[np.ix_(rows, columns)] += self._at(self.rigid.between(left[rows], right[columns]), omega)
+        _add(G, rows, columns, self._at(self.rigid.between(left[rows], right[columns]), omega), loads)
 
     def _at(self, share: RigidShare, omega: Real) -> Complex:
         with named(self.sub):
@@ -124,13 +124,12 @@ class DenseSolves(ByRows):
         """Receptances (f, p, p); see `ByRows`."""
         return self._between(self.load, self.load, self.rigid, omega)
 
-    def add(self, G: Complex, left: Real, right: Real, omega: Real) -> None:
-        """Add left Y right^T to an array; see `ByRows.add`."""
+    def add(self, G: Complex, left: Real, right: Real, omega: Real, loads: Complex | None = None) -> None:
+        """Add left Y right^T, or left Y right^T loads, to an array; see `ByRows.add`."""
         rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
         a, b = left[rows], right[columns]
-        G[np.ix_(rows, columns)] += frequencies_last(
-            self._between(self.load @ a.T, self.load @ b.T, self.rigid.between(a, b), omega)
-        )
+        Y = self._between(self.load @ a.T, self.load @ b.T, self.rigid.between(a, b), omega)
+        _add(G, rows, columns, frequencies_last(Y), loads)
 
     def _between(self, ends: Real, load: Real, rigid: RigidShare, omega: Real) -> Complex:
         """Flexibility between motions and loads (m, l), (m, r) and that of their rigid share."""
@@ -218,13 +217,13 @@ class SparseSolves(ByRows):
         Y -= self.rigid.over_square(omega)
         return Y
 
-    def add(self, G: Complex, left: Real, right: Real, omega: Real) -> None:
-        """Add left Y right^T to an array; see `ByRows.add`."""
+    def add(self, G: Complex, left: Real, right: Real, omega: Real, loads: Complex | None = None) -> None:
+        """Add left Y right^T, or left Y right^T loads, to an array; see `ByRows.add`."""
         rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
         a, b = left[rows], right[columns]
         model, size = (None, None) if self.loaded is None else (self._seeing, self._only_seen(a, b))
         if size is None or (model is None and self._model is not None):
-            add_between(G, left, frequencies_last(self(omega)), right)
+            add_between(G, left, frequencies_last(self(omega)), right, loads)
             return
         Y = np.empty((omega.size, rows.size, columns.size), dtype=np.complex128)
         unsure = np.ones(omega.size, dtype=bool)
@@ -239,7 +238,7 @@ class SparseSolves(ByRows):
                 ends, force = (self.load @ side[:, self.here].T for side in (a, b))
                 for k in np.flatnonzero(unsure):
                     Y[k] = self.Z.flexibility(force, float(omega[k]), ends)
-        G[np.ix_(rows, columns)] += frequencies_last(Y + size - self.rigid.between(a, b).over_square(omega))
+        _add(G, rows, columns, frequencies_last(Y + size - self.rigid.between(a, b).over_square(omega)), loads)
 
     def _only_seen(self, left: Real, right: Real) -> Real | None:
         """Static flexibility (l, r) that the model leaves out, where efforts act along rows that are only seen.
@@ -259,3 +258,11 @@ class SparseSolves(ByRows):
     def has_fewer(self, sides: Iterable[tuple[Real, Real]]) -> bool:
         """As of `ByRows`, if forces act along few of its motions."""
         return self.loaded is not None and super().has_fewer(sides)
+
+
+def _add(G: Complex, rows: Ints, columns: Ints, Y: Complex, loads: Complex | None) -> None:
+    """Add a part (rows, columns, f) of a flexibility to an array, or its motions under loads (r, i, f)."""
+    if loads is None:
+        G[np.ix_(rows, columns)] += Y
+    else:
+        G[rows] += np.einsum("lrf,rif->lif", Y, loads[columns])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.held_bodies import held_bodies
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.response.by_loads import by_loads, sees_much
 from cmsreduce.assemble.response.by_rows import ByRows, add_between, frequencies_last
 from cmsreduce.assemble.response.joint_chains import joint_chain
 from cmsreduce.assemble.response.receptance import DAMPED_RIGID, Receptance, receptance
@@ -114,6 +115,8 @@ def couple(
         chain = joint_chain(each, columns)
         if chain is not None:
             found[k] = chain.response(receptances, grid)
+        elif sees_much(each, receptances, columns):
+            found[k] = by_loads(each, receptances, columns, grid)
         else:
             rest.append(k)
     for some in _together(rest, joined, grids):

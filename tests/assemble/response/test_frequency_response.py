@@ -264,6 +264,45 @@ def test_many_modes_and_frequencies_are_taken_in_blocks():
     np.testing.assert_allclose(G[:, 0, few], L @ (weights * L[0]).T, rtol=1e-11)
 
 
+@pytest.mark.parametrize("left", ["modal", "dashpots", "rigid"])
+def test_of_many_outputs_the_forces_in_the_joints_are_found_first(left, monkeypatch):
+    """Flexibilities between outputs and joints, here three times as many as responses, are not formed."""
+    nodes = {f"p{node}": node for node in range(1, 10)}
+    bars = [
+        line(name, [x, 0, 0], [x + 1, 0, 0], 8, damping=DAMPINGS["modal"], interfaces=nodes)
+        for name, x in (("left", 0), ("right", 1))
+    ]
+    subs = {bar.name: modal(bar) for bar in bars}
+    if left == "dashpots":
+        D = sp.csc_array(1e-5 * bars[0].K + 0.1 * bars[0].M)
+        subs["left"] = physical(replace(bars[0], D=D, damping=Damping()))
+    if left == "rigid":
+        subs["left"] = subs["left"].narrowed(np.arange(6))
+    scene = Scene(
+        tuple(subs),
+        (0.0, 600.0),
+        (joint("hinge", "left.p9", "right.p1", "ry"),),
+        (Configuration("bent", {("hinge", 4): 0.7}),),
+        actuators=(at("left.p1", "z"),),
+        sensors=tuple(
+            at(f"{name}.{node}", axis, f"{name}{node}{axis}", rate=axis == "ry")
+            for name in subs
+            for node in nodes
+            for axis in ("x", "z", "ry")
+        ),
+    )
+
+    def coupled(*_):
+        raise AssertionError("flexibilities between outputs and joints")
+
+    monkeypatch.setitem(couple.__globals__, "_from_receptances", coupled)
+    stack = PointStack(subs)
+    (each,) = scene.configurations
+    (found,) = couple(body_receptances(stack, OMEGA), stack, [wire(stack, scene, each)], [OMEGA])
+    expected = direct(assemble(subs, scene, each), OMEGA)
+    assert (abs(found - expected).max(axis=0) < 1e-8 * abs(expected).max(axis=0).max()).all()
+
+
 def test_receptances_hold_for_every_setting():
     subs = bodies(DAMPINGS["modal"], "modes")
     stack = PointStack(subs)
