@@ -96,6 +96,31 @@ class ResponseBody:
         self._append(self._beyond(X, [self.shapes]))
         return self.count - before
 
+    def add_responses(self, responses: Array | Complex, forces: Array) -> int:
+        """Add what is new in the motions under combinations of forces, and return its number.
+
+        Parameters
+        ----------
+        responses : (n, q) float64 or complex128
+            Motions under unit ``acting`` forces.
+        forces : (q, c) float64
+            Combinations. Many sensors in many configurations are far more than acting forces; they take the place of
+            the combinations, with the same singular values and directions.
+        """
+        before, fields = self.count, []
+        parts = (responses.real, responses.imag) if np.iscomplexobj(responses) else (np.real(responses),)
+        for part in parts:
+            gram = part.T @ self._stiffness(part)
+            square = np.einsum("ij,ij->j", forces, gram @ forces)
+            # What rounding leaves of motions that cancel is no direction.
+            least = np.finfo(float).eps * np.trace(gram) * np.sum(forces**2, axis=0)
+            scaled = forces / np.sqrt(np.maximum(np.maximum(square, least), np.finfo(float).tiny))
+            if forces.shape[1] > forces.shape[0]:
+                scaled = la.qr(scaled.T, mode="r", check_finite=False)[0][: len(forces)].T
+            fields.append(part @ scaled)
+        self._append(self._beyond(np.hstack(fields), [self.shapes], scaled=True))
+        return self.count - before
+
     def add_inertia(self) -> int:
         """Add the static responses to the inertia of the shapes, which are known, and return their number."""
         return self.add(self._inertia)
@@ -257,13 +282,15 @@ class ResponseBody:
         for power, side in sides.items():
             self._energy[power] = _bordered(self._energy[power], side)
 
-    def _beyond(self, X: Array, shapes: Sequence[Array]) -> Array:
+    def _beyond(self, X: Array, shapes: Sequence[Array], *, scaled: bool = False) -> Array:
         """Parts of elastic motions beyond some shapes, orthonormal in K; the second pass removes rounding."""
         least = _NEW
         for _ in range(2):
             KX = self._stiffness(X)
-            size = np.sqrt(np.maximum(np.einsum("ij,ij->j", X, KX), np.finfo(float).tiny))
-            X, KX = X / size, KX / size
+            if not scaled:
+                size = np.sqrt(np.maximum(np.einsum("ij,ij->j", X, KX), np.finfo(float).tiny))
+                X, KX = X / size, KX / size
+            scaled = False
             X = X - _combined(shapes, np.vstack([V.T @ KX for V in shapes]))
             weight, E = la.eigh(X.T @ self._stiffness(X))
             own = weight > least

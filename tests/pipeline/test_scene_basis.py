@@ -59,6 +59,25 @@ def test_responses_make_the_flexibility_exact_at_their_frequency_and_its_slope_t
     assert error(1.001 * w) / error(1.0005 * w) == pytest.approx(4, rel=0.05)
 
 
+@pytest.mark.parametrize("damped", [False, True])
+def test_many_combinations_of_few_forces_are_no_more_than_the_forces(
+    damped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of many sensors in many configurations: their products would be a square of them."""
+    sizes, eigh = [], la.eigh
+    monkeypatch.setattr(response_body.la, "eigh", lambda A, *rest: sizes.append(len(A)) or eigh(A, *rest))
+    forces = np.random.default_rng(8).standard_normal((3, 400))
+    found, expected = krylov(damped), krylov(damped)
+    X = found.responses(2 * np.pi * 900.0)
+    sizes.clear()
+    assert found.add_responses(X, forces) > 0
+    assert max(sizes) <= (6 if damped else 3)
+    expected.add(np.hstack([X.real @ forces, X.imag @ forces]) if damped else X.real @ forces)
+    assert found.count == expected.count
+    between = found.shapes.T @ (found.body.K @ expected.shapes)
+    np.testing.assert_allclose(la.svdvals(between), 1.0, atol=1e-7)
+
+
 def test_a_large_body_responds_without_a_factor_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     own = krylov(cells=(24, 6, 6))
     own.add_inertia()

@@ -240,8 +240,7 @@ class SceneBasis:
                 gathered[name] += [right.T @ loads, left.T @ observers]
         for name, body in self.bodies.items():
             amplitudes = np.hstack(gathered[name])
-            moved = responses[name] @ np.hstack([amplitudes.real, amplitudes.imag])
-            body.add(np.hstack([moved.real, moved.imag]) if np.iscomplexobj(moved) else np.real(moved))
+            body.add_responses(responses[name], np.hstack([amplitudes.real, amplitudes.imag]))
         return found
 
     def _reduced(self, omega: float, *, richer: bool) -> dict[str, Real | Complex]:
