@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
 from cmsreduce.linalg.blocks import dense
+from cmsreduce.linalg.eigen import DEPENDENT
 from cmsreduce.model import Matrix, Point, Substructure
 
-__all__ = ["PointStack", "balanced"]
+__all__ = ["PointStack", "balanced", "carried"]
 
 
 class PointStack:
@@ -29,6 +30,7 @@ class PointStack:
         self._start: dict[tuple[str, str], int] = {}
         self._motions: dict[str, Matrix] = {}
         self._moving: dict[str, NDArray[np.int64]] = {}
+        self._sampled: dict[str, NDArray[np.float64]] = {}
         for name, sub in substructures.items():
             for label in sub.motion:
                 self._start[name, label] = 6 * len(self._start)
@@ -73,6 +75,13 @@ class PointStack:
             self._moving[body] = np.unique(entries.row[entries.data != 0]).astype(np.int64)
         return self._moving[body]
 
+    def sampled(self, body: str) -> NDArray[np.float64]:
+        """Motions of all points of one body in one arbitrary motion of its coordinates, (points, 6)."""
+        if body not in self._sampled:
+            L = self.motions(body)
+            self._sampled[body] = dense(L @ np.random.default_rng(0).standard_normal((L.shape[1], 1))).reshape(-1, 6)
+        return self._sampled[body]
+
     def spread(self, rows: NDArray[np.float64]) -> sp.csr_array:
         """Rows over the stacked coordinates of all bodies, from rows over the stacked motions."""
         own = [(rows[:, self.body_columns(name)], self.motions(name)) for name in self.substructures]
@@ -96,6 +105,44 @@ def balanced(rows: NDArray[np.float64], shapes: Matrix) -> NDArray[np.float64]:
     terms: Matrix = np.abs(rows) @ abs(shapes)
     size = float(dense(terms).max(initial=0.0))
     return np.asarray(dense(rows @ shapes) / (size or 1.0))
+
+
+def carried(stack: PointStack, A: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows of channels in which each point that a joined point carries, as a rigid tie does, is that joined point.
+
+    What two points of a flexible body do in one arbitrary motion of it shows whether one carries the other.
+
+    Parameters
+    ----------
+    stack : PointStack
+        Points of all bodies.
+    A : (c, size) float64
+        Constraints over the stacked motions; a point is joined if it has an entry.
+    rows : (r, size) float64
+        Channels over the stacked motions.
+    """
+    rows = rows.copy()
+    joined, measured = ((each != 0).reshape(len(each), stack.size // 6, 6).any(axis=(0, 2)) for each in (A, rows))
+    for name, sub in stack.substructures.items():
+        own = stack.body_columns(name)
+        points = slice(own.start // 6, own.stop // 6)
+        others, carriers = np.flatnonzero(measured[points] & ~joined[points]), np.flatnonzero(joined[points])
+        if not (others.size and carriers.size):
+            continue
+        part = rows[:, own].reshape(len(rows), -1, 6)
+        x, u = np.array([sub.position[label] for label in sub.motion]), stack.sampled(name)
+        for q in carriers:
+            arm = x[others] - x[q]
+            for these, moved in ((np.s_[:3], u[q, :3] + np.cross(u[q, 3:], arm)), (np.s_[3:], u[q, 3:])):
+                off, size = (np.linalg.norm(each, axis=1) for each in (u[others, these] - moved, u[others, these]))
+                for p in others[np.asarray((off <= DEPENDENT * size) & (size > 0), dtype=bool)]:
+                    weights = part[:, p, these].copy()
+                    part[:, p, these] = 0.0
+                    part[:, q, these] += weights
+                    if these == np.s_[:3]:
+                        part[:, q, 3:] += np.cross(x[p] - x[q], weights)
+        rows[:, own] = part.reshape(len(rows), -1)
+    return rows
 
 
 def _stacked(sub: Substructure) -> Matrix:

@@ -20,7 +20,7 @@ from cmsreduce.assemble.constraint_space import (
 from cmsreduce.assemble.joint_elements import element_rows, with_joint_bodies
 from cmsreduce.assemble.joints import constrain, relative_motion
 from cmsreduce.assemble.placement import place_bodies
-from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.points import PointStack, carried
 from cmsreduce.assemble.redundant_joints import settle_redundant
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.blocks import dense
@@ -189,9 +189,10 @@ def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wirin
 def _unlocked(stack: PointStack, A: Array, rows: Array) -> Array:
     """Rows of channels, zero where joints and ground lock the motion: its response would be rounding and nothing else.
 
-    The points of a flexible body move independently, those of a rigid body together.
+    The points of a flexible body move independently, but for those that a joined point carries; those of a rigid body
+    move together.
     """
-    every = np.vstack([A, rows])
+    every = np.vstack([A, carried(stack, A, rows)])
     parts = [every[:, :0]]
     for name, sub in stack.substructures.items():
         own = every[:, stack.body_columns(name)]

@@ -36,7 +36,7 @@ from cmsreduce.pipeline.results import (
 )
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import collecting, diagnostic
-from cmsreduce.read import FileKind, file_kind, matrix_names, read_geometry
+from cmsreduce.read import FileKind, file_kind, matrix_names, read_geometry, read_rows
 from cmsreduce.report import InspectedLine, check_line, health_lines
 from cmsreduce.write import ComponentFile, read_component, summary
 
@@ -56,7 +56,7 @@ class Inspected:
     rows : sequence of InspectedLine
         In words; the first row names the file.
     data : dict
-        As plain values; ``kind`` is one of matrices, geometry, component, system, pipeline and run.
+        As plain values; ``kind`` is one of matrices, geometry, rows, component, system, pipeline and run.
     """
 
     rows: Sequence[InspectedLine]
@@ -159,6 +159,10 @@ def _model_file(kind: FileKind, path: Path) -> Inspected:
     """Matrices of a file, or else its nodes; the reader of geometry refuses a file that has neither."""
     if kind.name in REDUCED_FILES:
         return Inspected(*inspected_body(kind, path))
+    if kind.name == "dofs":
+        dofs = read_rows(path)
+        words = f"a list of {len(dofs)} dofs of {np.unique(dofs.node).size} nodes: {kind.step}"
+        return Inspected([InspectedLine(words)], {"kind": "rows", "dofs": len(dofs)})
     if not kind.matrices:
         return _geometry(path)
     rows, matrices = [InspectedLine(f"format {kind.matrices}")], []

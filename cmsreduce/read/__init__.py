@@ -8,7 +8,7 @@ from cmsreduce.read.body import read_body
 from cmsreduce.read.calculix_abaqus import expanded_node
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
-from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect_kind, file_kind
+from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect_kind, file_kind, read_rows
 from cmsreduce.read.files import files_read, refuse_rewritten, sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.geometry import deck_statement, read_cells, read_geometry
@@ -100,6 +100,7 @@ __all__ = [
     "read_members",
     "read_modes",
     "read_parameter_matrix",
+    "read_rows",
     "read_sid",
     "read_states",
     "read_universal_modes",

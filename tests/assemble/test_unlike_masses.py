@@ -16,6 +16,7 @@ from cmsreduce.assemble import (
 )
 from cmsreduce.assemble.constraint_space import constraint_space
 from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.mechanics import Tie, tie_nodes
 from cmsreduce.model import Configuration, JointElement, Point, Scene, rigid_body_shapes
 from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body
 from tests.frames import frame, line
@@ -106,3 +107,26 @@ def test_a_channel_that_joints_and_ground_lock_has_no_response():
     assert moving.tolist() == [False, False, True, True]
     free = replace(scene, joints=(joint("j", "bar.a", "plate.a", "rx"),), sensors=(*ports, in_joint("j", "rx")))
     assert wire(stack, free, free.configurations[0]).C1.any(axis=1).tolist() == [False, True, True, False, True]
+
+
+@pytest.mark.parametrize("kind", [physical, modal])
+def test_a_channel_inside_a_rigid_mount_has_no_response(kind):
+    """A load on a node of the face that a joint locks moves nothing: the motion of its joint turns it about z alone."""
+    face = line("bar", [0, 0, 0], [1, 0, 0], 6, interfaces={"root": ([1, 2, 3], (1, 2, 3, 4, 5, 6))})
+    tied = tie_nodes(face, "root", Tie("rigid", np.array([0.1, 0.0, 0.2])))
+    subs = {
+        "bar": kind(tied, extra=[2, 5]),
+        "hub": rigid_substructure(rigid_body("hub", 4.0, [0.1, 0, 0.2], [1, 2, 3], {"a": [0.1, 0, 0.2]})),
+    }
+    ports = (
+        at("bar.2", "x"),
+        at("bar.2", "y"),
+        at("bar.2", "rx"),
+        at("bar.2", "rz"),
+        at("bar.5", "x"),
+        at("bar.root", "y"),
+    )
+    joints = (joint("j", "hub.a", "bar.root", "rz"),)
+    scene = Scene(tuple(subs), (0.0, 1.0), joints, sensors=ports, ground=(Point("hub", "a"),))
+    wired = wire(PointStack(subs), scene, scene.configurations[0])
+    assert wired.C1.any(axis=1).tolist() == [False, True, False, True, True, False]

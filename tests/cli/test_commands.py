@@ -101,10 +101,13 @@ def test_check_a_component_file(finished: Path) -> None:
 
 def test_inspect_says_what_is_in_files(finished: Path) -> None:
     folder = finished.parent
-    result = call("inspect", folder / "arm.op4", folder / "panel.bdf", finished / "panel.h5", folder / "study.yaml")
-    assert result.exit_code == 0
+    (folder / "panel.dof").write_text("1.1\n1.2\n7.3\n")
+    files = [folder / name for name in ("arm.op4", "panel.dof", "panel.bdf", "study.yaml")]
+    result = call("inspect", *files, finished / "panel.h5")
+    assert result.exit_code == 0, result.stderr
     said = result.stdout
     assert "matrix KAA: 30 x 30" in said and "matrix MAA: 30 x 30" in said
+    assert "a list of 3 dofs of 2 nodes: use it as `rows:`" in said
     assert "geometry of 6 nodes" in said
     assert "component 'panel', craig-bampton" in said and "6 rigid and 13 elastic modes" in said
     # Four bars of 0.2 m, 4 cm2, 2700 kg/m3 and a lump of 0.3 kg in the middle.
