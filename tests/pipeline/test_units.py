@@ -12,7 +12,7 @@ import scipy.linalg as la
 from click.testing import CliRunner
 
 from cmsreduce.cli import main
-from cmsreduce.write import unit_binary
+from cmsreduce.write import read_system, unit_binary
 
 NAME, NUMBER = "hinge=50", 1
 
@@ -155,6 +155,14 @@ def test_bad_input_ends_with_2_and_one_message(
     assert result.exit_code == 2
     assert message in result.output and result.output.count("error: ") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_is_made_for_a_unit_of_each_configuration(finished_study: Path, tmp_path: Path) -> None:
+    system = str(finished_study / "out" / "system.h5")
+    result = CliRunner().invoke(main, ["convert", system, f"{tmp_path}/units/", "--format", "fmi"])
+    assert result.exit_code == 0, result.output
+    written = sorted(path.name for path in (tmp_path / "units").iterdir())
+    assert written == [f"system-{k}.fmu" for k in range(len(read_system(Path(system)).systems))]
 
 
 def test_a_configuration_is_that_of_a_system(finished_study: Path, tmp_path: Path) -> None:

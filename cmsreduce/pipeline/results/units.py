@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -80,7 +81,7 @@ def convert_file(
     if as_unit and source.is_file() and file_kind(source).name == "system":
         if any(program.values()):
             raise WriteError(f"{source}: --for, --at and --joint are for component files")
-        written = convert_system(source, Path(destination), dialect, configuration)
+        written = convert_system(source, destination, dialect, configuration)
     else:
         if configuration is not None:
             raise WriteError(f"{source}: --configuration is for system files that are written as fmi")
@@ -100,7 +101,7 @@ def without_binary(written: Iterable[Path]) -> list[str]:
 
 
 def convert_system(
-    source: Path, destination: Path, version: str | None = None, configuration: str | None = None
+    source: Path, destination: str | Path, version: str | None = None, configuration: str | None = None
 ) -> tuple[Path, ...]:
     """Write an assembled system as a Functional Mock-up Unit.
 
@@ -108,8 +109,9 @@ def convert_system(
     ----------
     source : Path
         The file system.h5.
-    destination : Path
-        File to write, or an existing folder for a file of each configuration, or of the one that is named.
+    destination : str or Path
+        File to write, or a folder, there or with a slash at its end, for a file of each configuration, or of the one
+        that is named.
     version : {"fmi3", "fmi2"}, optional
         Version of the standard.
     configuration : str, optional
@@ -136,15 +138,17 @@ def convert_system(
     names = [system.configuration.name for system in found.systems]
     if configuration is not None and configuration not in names:
         raise WriteError(f"{source}: {not_among('configuration', configuration, names)}")
-    if configuration is None and len(names) > 1 and not destination.is_dir():
+    out = Path(destination)
+    is_folder = out.is_dir() or str(destination).endswith(("/", os.sep))
+    if configuration is None and len(names) > 1 and not is_folder:
         raise WriteError(
             f"{source} has {len(names)} configurations, and a unit holds one: name it with --configuration "
-            f"({', '.join(names)}), or give a folder for a unit of each"
+            f"({', '.join(names)}), or give a folder, FOLDER/, for a unit of each"
         )
     numbers = range(len(names)) if configuration is None else [names.index(configuration)]
     written = []
     for number in numbers:
-        path = unit_paths(destination, len(names))[number] if destination.is_dir() else destination
+        path = unit_paths(out, len(names))[number] if is_folder else out
         refuse_other_file(path, source, TARGETS["fmi"])
         write_unit(path, _model(found, found.systems[number]), version or dialects[0])
         written.append(path)

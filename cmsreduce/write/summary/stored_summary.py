@@ -32,7 +32,7 @@ def write_summary(path: Path, run: RunResult) -> None:
 
 def sealed_text(facts: dict[str, Any]) -> str:
     """JSON of a summary and its seal."""
-    return json.dumps({**facts, SEALED_ITEMS: _digests(facts)}, indent=2, allow_nan=False) + "\n"
+    return _laid_out({**facts, SEALED_ITEMS: _digests(facts)}) + "\n"
 
 
 def read_summary(path: Path) -> dict[str, Any]:
@@ -56,6 +56,27 @@ def read_summary(path: Path) -> dict[str, Any]:
     if changed:
         raise ReadError(f"{path}: its content is not what was written ({changed}); run the pipeline again")
     return dict(facts)
+
+
+def _laid_out(value: Any, margin: str = "", *, in_list: bool = False) -> str:
+    """JSON with a line for each list of plain values, and for each mapping of these in a list.
+
+    With a line for each number, margins are two thirds of the file of a scene with thousands of channels.
+    """
+    parts = list(value.values()) if isinstance(value, dict) else value
+    if _plain(value) or not parts or (in_list and isinstance(value, dict) and all(map(_plain, parts))):
+        return json.dumps(value, allow_nan=False)
+    inner = margin + "  "
+    if isinstance(value, dict):
+        ends, rows = "{}", [f"{json.dumps(key)}: {_laid_out(each, inner)}" for key, each in value.items()]
+    else:
+        ends, rows = "[]", [_laid_out(each, inner, in_list=True) for each in parts]
+    return f"{ends[0]}\n{inner}" + f",\n{inner}".join(rows) + f"\n{margin}{ends[1]}"
+
+
+def _plain(value: Any) -> bool:
+    """Whether a value is a string, a number, null, or a list of such without mappings in it."""
+    return all(map(_plain, value)) if isinstance(value, (list, tuple)) else not isinstance(value, dict)
 
 
 def _version(facts: dict[str, Any]) -> tuple[int, ...]:

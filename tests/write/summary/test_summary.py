@@ -24,6 +24,7 @@ from cmsreduce.model import (
     SystemModes,
 )
 from cmsreduce.write import summary, write_summary
+from cmsreduce.write.summary.stored_summary import sealed_text
 
 CONTRACT = {"name", "version", "components", "configurations", "worst", "speed", "passed"}
 OF_A_COMPONENT = {
@@ -206,3 +207,14 @@ def test_the_same_run_gives_the_same_bytes(tmp_path):
     for name in ("a.json", "b.json"):
         write_summary(tmp_path / name, run())
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+def test_a_channel_and_a_list_of_numbers_are_a_line_each() -> None:
+    """A line for each number made margins two thirds of the file of a scene with thousands of channels."""
+    zeros = [{"output": "y {", "input": "u", "full_hz": [[0.0, float(k)] for k in range(20)]} for _ in range(50)]
+    facts = {"name": "study", "none": {}, "configurations": [{"angles": {"spin": 5.0}, "zeros": zeros, "modes": []}]}
+    text = sealed_text(facts)
+    found = json.loads(text)
+    assert {key: found[key] for key in facts} == facts
+    assert sum("full_hz" in line for line in text.splitlines()) == 50
+    assert len(text) < 1.2 * len(json.dumps(found))
