@@ -43,11 +43,11 @@ STATIC = "static: carries no mass"
 """Reason why a static mode is kept."""
 
 _DOUBLE = 2.0**-53
-# Rounding errors in an energy that is a sum over many dofs, in roundings of its parts.
-_ROUNDINGS = 4.0
-# Stiffness between a rigid and an elastic mode that is taken out, least and most, relative to the mode's norm in K and
-# that of the highest one: less is harmless, more is an error of the motion, which `orthogonality_errors` shows.
-_COUPLED, _WRONG = 0.1 * ORTHOGONAL, 100 * ORTHOGONAL
+# An energy below this many roundings of its parts, whose sum over many dofs errs by four, is not known to `ORTHOGONAL`.
+_HIDDEN = 4.0 / ORTHOGONAL
+# Stiffness between a rigid and an elastic mode that is taken out, in the measure of `orthogonality_errors`: less may be
+# rounding of K, which would bend an exact motion; more is an error of the motion, which is shown.
+_COUPLED, _WRONG = 0.5 * ORTHOGONAL, 100 * ORTHOGONAL
 # A static mode's strain energy below this many roundings of its terms over all dofs is cancellation between shapes of
 # the basis that repeat each other: sums over many dofs have larger rounding errors than the small pencil.
 _REPEATS = 100.0
@@ -235,14 +235,12 @@ def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
     energy in the norm, so that a value beyond `ORTHOGONAL` is more than rounding.
     """
     Phi, body, static = component.Phi, component.body, slice(component.elastic.stop, None)
-    errors = (body.rounding, body.stiffness_rounding)
-    hidden, hidden_in_K = (_ROUNDINGS * max(error, _DOUBLE) / ORTHOGONAL for error in errors)
     inertia = absolute_parts(body.M, Phi)
-    g = np.maximum(component.mass, hidden * inertia)
+    g = np.maximum(component.mass, _HIDDEN * max(body.rounding, _DOUBLE) * inertia)
     w = component.stiffness.copy()
     if component.elastic_count:
         w[: component.rigid_count] = w[component.elastic][-1]
-    w = np.maximum(w, hidden_in_K * absolute_parts(body.K, Phi))
+    w = np.maximum(w, _HIDDEN * max(body.stiffness_rounding, _DOUBLE) * absolute_parts(body.K, Phi))
     bare = np.where(body.M.diagonal() > 0, 0.0, abs(body.M).max())
     g[static] = inertia[static] + np.concatenate(
         [bare @ Phi[:, static][:, part] ** 2 for part in column_blocks(component.static_count)] or [np.empty(0)]
@@ -285,9 +283,12 @@ def _polish(body: FEModel, Phi: Array, r: int, s: int, lam: Array) -> Array:
     rigid, elastic, static = np.split(Phi, [r, Phi.shape[1] - s], axis=1)
     # Rigid motions of a stiffness alone leave the sum of its rounding at the few dofs where they are given. In a
     # Rayleigh-Ritz step it loads no elastic mode.
-    loads = np.asarray(elastic.T @ (body.K @ rigid))
-    if _COUPLED < (abs(loads) / np.sqrt(lam * lam.max(initial=1.0))[:, None]).max(initial=0.0) < _WRONG:
-        rigid -= elastic @ (loads / lam[:, None])
+    loads, norm = np.asarray(elastic.T @ (body.K @ rigid)), np.append(np.full(r, lam.max(initial=0.0)), lam)
+    if (abs(loads) > _COUPLED * np.sqrt(np.outer(lam, norm[:r]))).any():
+        hidden = _HIDDEN * max(body.stiffness_rounding, _DOUBLE)
+        norm = np.maximum(norm, hidden * absolute_parts(body.K, Phi[:, : norm.size]))
+        if _COUPLED < (abs(loads) / np.sqrt(np.outer(norm[r:], norm[:r]))).max() < _WRONG:
+            rigid -= elastic @ (loads / lam[:, None])
     for _ in range(2):
         combine(rigid, 1.5 * np.eye(r) - 0.5 * congruence(body.M, rigid))
         combine(static, 1.5 * np.eye(s) - 0.5 * congruence(body.K, static))

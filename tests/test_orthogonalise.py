@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from cmsreduce.assemble import modal_substructure, receptances
 from cmsreduce.errors import DampingError, MatrixError
-from cmsreduce.model import SCALAR, Damping, DofTable, FEModel, ModeSet
+from cmsreduce.model import SCALAR, Damping, DofTable, FEModel, ModeSet, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, project
 from tests.frames import BAR, line
@@ -83,6 +83,20 @@ def test_rigid_motions_of_a_stiffness_alone_load_no_elastic_mode(share, least, m
     modes = orthogonalise(CraigBampton(2000.0).reduce(body, rigid=given))
     assert least < max(orthogonality_errors(modes)) < most
     np.testing.assert_allclose(modes.omega[6:], exact.omega[6:], rtol=1e-10)
+
+
+def test_rounding_of_the_stiffness_bends_no_exact_rigid_motion():
+    """Eleven digits in the deck of a thin body: motions of its geometry are exact, its stiffness is not."""
+    body = line("arm", [0, 0, 0], [21.0, 14.7, 6.5], 13)
+    printed = body.K.copy()
+    printed.data = np.array([float(f"{value:.10e}") for value in printed.data])
+    K = sp.csc_array((printed + printed.T) / 2)
+    body = FEModel(**{**vars(body), "K": K, "rounding": 5e-11})
+    R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    modes = orthogonalise(CraigBampton(500.0).reduce(body))
+    beyond = modes.Phi[:, :6] - R @ np.linalg.lstsq(R, modes.Phi[:, :6])[0]
+    assert np.einsum("ij,ij->j", beyond, body.M @ beyond).max() < 1e-20
+    assert max(orthogonality_errors(modes)) < 5e-11
 
 
 def test_modes_between_heavy_ends_are_the_fixed_ones():
