@@ -166,7 +166,9 @@ def unreachable(finding: Finding, modes: int, *, all_of_them: bool, kinds: set[s
             f"keep: {finding.name} cannot be judged ({finding.note or 'it was not measured'}): change the scene so "
             "that it can be measured, or choose the modes by another rule"
         )
-    other = "take `reduce: {method: macneal-rubin}` or `{inertia: true}`, " if kinds & {"fixed", "constraint"} else ""
+    # Residual modes may be inertia shapes already.
+    richer = "" if "residual" in kinds else " or `{inertia: true}`"
+    other = f"take `reduce: {{method: macneal-rubin}}`{richer}, " if kinds & {"fixed", "constraint"} else ""
     which, step = "below the cutoff", f"Raise reduce.cutoff, {other}or allow a larger error"
     if "response" in kinds:
         which = "and shapes"

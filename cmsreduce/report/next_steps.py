@@ -118,13 +118,18 @@ def _better(run: RunResult, found: Finding) -> Iterator[str]:
 
 def _cutoff(run: RunResult) -> float | None:
     """Lowest cutoff of the bodies, as a multiple of the band; None if it was found by the run itself."""
-    keys = run.settings.get("reduce") or {}
-    every = [keys.get("cutoff", 2.0)]
-    for name in run.components:
-        own = (run.settings.get("components", {}).get(name, {}) or {}).get("reduce") or {}
-        every += [own["cutoff"]] if "cutoff" in own else []
+    common, *others = _mode_set_keys(run)
+    every = [common.get("cutoff", 2.0), *(own["cutoff"] for own in others if "cutoff" in own)]
     known = [float(value) for value in every if isinstance(value, (int, float))]
     return min(known) if len(known) == len(every) else None
+
+
+def _mode_set_keys(run: RunResult) -> list[Mapping[str, Any]]:
+    """Keys of the mode sets: those of the run, then those of single bodies."""
+    components = run.settings.get("components", {})
+    return [run.settings.get("reduce") or {}] + [
+        (components.get(name, {}) or {}).get("reduce") or {} for name in run.components
+    ]
 
 
 def _other_method(run: RunResult) -> str:
@@ -134,7 +139,7 @@ def _other_method(run: RunResult) -> str:
         return ", with `method: craig-bampton`: guyan has no normal modes"
     if "macneal-rubin" in methods:
         return ""
-    if (run.settings.get("reduce") or {}).get("inertia"):
+    if methods != {"craig-bampton"} or any(keys.get("inertia") for keys in _mode_set_keys(run)):
         return ", or take `method: macneal-rubin`"
     return ", or take `method: macneal-rubin` or `inertia: true`, whose error in the band is often far smaller"
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.balance import ChangedResponse, Effects, keep_cheapest, keep_error
+from cmsreduce.balance.effects import unreachable
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import Finding
 from tests.balance.test_truncation import BODIES, GROUPED, as_lists, component
@@ -201,6 +202,12 @@ def test_an_error_below_what_all_modes_reach_is_refused():
     judge.missed = lambda _: np.array([0.3])  # type: ignore[method-assign]
     with pytest.raises(ConfigError, match=r"frf_error 0\.01 cannot be met: all 6 modes .* leave 0\.3 in as built"):
         keep_error(BODIES, ranked(BODIES), judge, 0.01)
+
+
+@pytest.mark.parametrize(("kinds", "offered"), [(("fixed",), True), (("fixed", "residual"), False), (("free",), False)])
+def test_inertia_shapes_are_offered_where_none_are_kept(kinds, offered):
+    said = unreachable(Finding("frf_error", 0.3, 0.01), 6, all_of_them=True, kinds=set(kinds))
+    assert ("{inertia: true}" in said) is offered and "Raise reduce.cutoff" in said
 
 
 def test_a_long_list_is_bracketed_rather_than_tried():

@@ -37,6 +37,25 @@ def test_then_the_cutoff(make_run: MakeRun, reduce: dict[str, Any], says: str) -
     assert "all modes of the mode sets were kept" in step and says in step
 
 
+@pytest.mark.parametrize(
+    ("method", "settings", "inertia"),
+    [
+        ("craig-bampton", {}, True),
+        ("craig-bampton", {"reduce": {"inertia": True}}, False),
+        ("craig-bampton", {"components": {"rotor": {"reduce": {"inertia": True}}}}, False),
+        ("benfield-hruda", {}, False),
+        ("augmented", {}, False),
+    ],
+)
+def test_inertia_is_named_where_a_mode_set_takes_it_and_lacks_it(
+    make_run: MakeRun, method: str, settings: dict[str, Any], inertia: bool
+) -> None:
+    run = all_kept(make_run(limits={"frf_error": 0.001}, settings=settings))
+    parts = {name: replace(part, modes=replace(part.modes, method=method)) for name, part in run.components.items()}
+    (step,) = next_steps(replace(run, components=parts))
+    assert "`method: macneal-rubin`" in step and ("`inertia: true`" in step) is inertia
+
+
 def test_scene_shapes_have_no_cutoff_to_raise(make_run: MakeRun) -> None:
     run = all_kept(make_run(limits={"frf_error": 0.001}))
     parts = {name: replace(part, modes=replace(part.modes, method="scene")) for name, part in run.components.items()}
