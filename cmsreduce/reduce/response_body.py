@@ -113,7 +113,7 @@ class ResponseBody:
             gram = part.T @ self._stiffness(part)
             square = np.einsum("ij,ij->j", forces, gram @ forces)
             # What rounding leaves of motions that cancel is no direction.
-            least = np.finfo(float).eps * np.trace(gram) * np.sum(forces**2, axis=0)
+            least = np.finfo(float).eps * (np.sqrt(np.maximum(gram.diagonal(), 0.0)) @ abs(forces)) ** 2
             scaled = forces / np.sqrt(np.maximum(np.maximum(square, least), np.finfo(float).tiny))
             if forces.shape[1] > forces.shape[0]:
                 scaled = la.qr(scaled.T, mode="r", check_finite=False)[0][: len(forces)].T

@@ -78,6 +78,17 @@ def test_many_combinations_of_few_forces_are_no_more_than_the_forces(
     np.testing.assert_allclose(la.svdvals(between), 1.0, atol=1e-7)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 1e-13])
+def test_directions_under_forces_do_not_depend_on_their_units(unit: float) -> None:
+    """A combination of a force whose response is small beside that of another, in its unit."""
+    found = krylov(False)
+    X = found.responses(2 * np.pi * 900.0).real.copy()
+    X[:, -1] *= unit
+    forces = np.zeros((X.shape[1], 2))
+    forces[-1, 0], forces[:-1, 1] = 1.0, 1.0
+    assert found.add_responses(X, forces) == 2
+
+
 def test_a_large_body_responds_without_a_factor_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     own = krylov(cells=(24, 6, 6))
     own.add_inertia()
