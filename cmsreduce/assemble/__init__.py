@@ -5,7 +5,7 @@ Errors between two systems belong in `verify`, projection on system modes in `pr
 """
 
 from cmsreduce.assemble.closed_loops import closing_motion, nearest_closed
-from cmsreduce.assemble.held_bodies import HeldBodies, held_bodies
+from cmsreduce.assemble.held_bodies import HeldBodies, held_bodies, points_named
 from cmsreduce.assemble.interface_loading import (
     grounded_rows,
     joined_to,
@@ -84,6 +84,7 @@ __all__ = [
     "outboard_masses",
     "physical_substructure",
     "place_bodies",
+    "points_named",
     "receptance",
     "receptances",
     "reduced_substructure",

@@ -17,7 +17,7 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, null_space
 from cmsreduce.model import Matrix, Scene, Substructure
 
-__all__ = ["HeldBodies", "held_bodies"]
+__all__ = ["HeldBodies", "held_bodies", "points_named"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,16 +77,21 @@ def held_bodies(stack: PointStack, scene: Scene, *, in_modes: bool = True) -> He
     return HeldBodies(PointStack({name: _named_only(sub, scene) for name, sub in bodies.items()}), frozenset(held))
 
 
-def _named_only(sub: Substructure, scene: Scene) -> Substructure:
-    """Body without the motions of points that the scene does not name: an interface kept for later has hundreds."""
+def points_named(sub: Substructure, scene: Scene) -> set[str]:
+    """Labels of the points of a body that a scene names; those of a joint's own body are all joined."""
     if sub.name not in scene.bodies:
-        # A body of a joint: all its points are joined.
-        return sub
+        return set(sub.motion)
     named: set[str] = set()
     for point in scene.points():
         if point.body == sub.name:
             face = sub.interfaces.get(point.name)
             named.update([point.name] if face is None else sub.point_labels(face))
+    return named
+
+
+def _named_only(sub: Substructure, scene: Scene) -> Substructure:
+    """Body without the motions of points that the scene does not name: an interface kept for later has hundreds."""
+    named = points_named(sub, scene)
     if named.issuperset(sub.motion):
         return sub
     motion = {

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.assemble import PointStack, assemble, body_receptances, couple, frequency_response, held_bodies, wire
+from cmsreduce.assemble import (
+    PointStack,
+    assemble,
+    body_receptances,
+    couple,
+    frequency_response,
+    held_bodies,
+    points_named,
+    wire,
+)
 from cmsreduce.model import Damping, Point, Scene
 from tests.assemble.rigs import at, direct, joint, modal, physical
 from tests.frames import line, rotation
@@ -163,3 +172,13 @@ def test_no_body_is_held_where_what_is_locked_twice_is_dropped():
     assert not held(subs, scene).names
     expected = direct(assemble(subs, scene, scene.configurations[0]), OMEGA)
     assert error(frequency_response(subs, scene, scene.configurations[0], OMEGA), expected) < ROUND_OFF
+
+
+def test_points_of_joints_ground_and_inputs_are_named_without_those_of_sensors():
+    """A joint's row may be redundant in one configuration alone: its points are those of the scene, not of a wiring."""
+    subs = {"bar": modal(bar(), extra=("46", "52", "54")), "pin": modal(line("pin", [0, 0, 0], [0.3, 0, 0], 2))}
+    scene = fixed(subs, joints=(joint("pivot", "bar.46", "pin.a", "rz"),))
+    acting = replace(scene, sensors=())
+    assert points_named(subs["bar"], scene) == {*points_named(subs["bar"], acting), "54"}
+    assert points_named(subs["bar"], acting) == {*map(str, FACE), "46", "52"}
+    assert points_named(subs["pin"], acting) == set(subs["pin"].point_labels(subs["pin"].interfaces["a"]))

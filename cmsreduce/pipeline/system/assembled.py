@@ -21,6 +21,7 @@ from cmsreduce.assemble import (
     damped_modes,
     held_bodies,
     nearest_closed,
+    points_named,
     rigid_response,
     system_modes,
     tabulated,
@@ -224,10 +225,12 @@ class AssembledModel:
     @property
     @once
     def _loaded(self) -> NDArray[np.bool_]:
-        """Motions of the points at which joints or inputs act: the same in all configurations."""
-        wiring = self.held.wiring(self.wiring(self.scene.configurations[0]))
-        points = np.vstack([wiring.A, wiring.B]).any(axis=0).reshape(-1, 6).any(axis=1)
-        return np.repeat(points, 6)
+        """Motions of the points at which joints, ground or inputs act, in whatever configuration."""
+        ground = tuple(point for point in self.scene.ground if point.body not in self.held.names)
+        acting = replace(self.scene, sensors=(), ground=ground)
+        subs = self.held.substructures.values()
+        named = [label in points for sub in subs for points in [points_named(sub, acting)] for label in sub.motion]
+        return np.repeat(np.array(named, dtype=bool), 6)
 
     def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
         """Dynamic flexibilities of the ``held`` bodies for every configuration.
