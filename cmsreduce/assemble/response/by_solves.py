@@ -161,8 +161,8 @@ class SparseSolves(ByRows):
         Its matrices.
     load : (n, h) float64
         Loads at the motions that it has, without their share in rigid motion.
-    rigid : (p, p) float64
-        Flexibility of this share between all motions, times -w^2.
+    rigid : RigidShare
+        This share, of all motions.
     here : (h,) int64
         Numbers of the motions that it has.
     prepare : callable
