@@ -92,7 +92,8 @@ def _load(path: Path, name: str, text: bytes, dofs: DofTable) -> LabelledMatrix:
     text = _COMMENT.sub(b"", text)
     if (end := _NUMBERS.match(text)) is None or end.end() < len(text):
         wrong = text[end.end() if end else 0 :].split(b"\n", 1)[0].decode("utf-8", "replace").strip()
-        raise ReadError(f"{path}: '{wrong[:60]}' in matrix '{name}' is no number")
+        step = "write each substructure to a file of its own" if wrong.startswith("*") else "write the file again"
+        raise ReadError(f"{path}: '{wrong[:60]}' in matrix '{name}' is no number; {step}")
     values, n = numbers_of(text), len(dofs)
     if values.size == n * n:
         A = values.reshape(n, n)

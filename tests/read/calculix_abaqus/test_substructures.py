@@ -93,7 +93,8 @@ def test_calculix_lists_a_node_for_each_dof(tmp_path: Path) -> None:
         (" 3, 1, 2, 3", " 3, 1, 2, 3, 11", "dof 11 of the substructure is no displacement"),
         (" 3, 1, 2, 3\n", "", r"has 120 numbers, and its 18 dofs ask for 171 \(or 324"),
         ("MASS\n", "MASS\n1.0, ", "matrix 'MASS' has 121 numbers"),
-        ("*MATRIX,TYPE=MASS", "*ELSE", r"'\*ELSE' in matrix 'STIFFNESS' is no number"),
+        ("*MATRIX,TYPE=MASS", "*ELSE", r"'\*ELSE' in matrix 'STIFFNESS' is no number; write each substructure"),
+        ("MASS\n", "MASS\nx, ", "'x, .*' in matrix 'MASS' is no number; write the file again"),
     ],
 )
 def test_damaged_files_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
