@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -12,12 +10,11 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import (
+    REPEATED,
     ComplexModes,
     DampedPencil,
     UndeterminedError,
-    certified_modes,
     complex_modes,
-    count_below,
     elastic_pairs,
     modes_below,
 )
@@ -28,9 +25,9 @@ __all__ = ["check_closed_loop", "closed_loop_modes", "damped_modes", "system_mod
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Larger dense systems have their modes to a frequency searched, if these are at most this share: to solve for all of
-# them takes five times as long at 1000 coordinates, and grows with the cube of their number.
-_SEARCHED, _SHARE = 600, 0.25
+# Larger dense systems have their modes to a frequency computed alone: all of them take fifteen times as long at 1900
+# coordinates.
+_SMALL = 600
 # The state matrix has (2 N)^2 entries, and all of its eigenvalues are computed.
 _LARGEST = 1500
 # A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: as a double root of
@@ -64,28 +61,34 @@ def system_modes(system: System, omega: float) -> tuple[Real, Real]:
     MatrixError
         If a motion has neither mass nor stiffness.
     """
+    # The modes of a repeated frequency belong together, on whichever side of the limit rounding leaves each.
+    highest = omega * (1 + REPEATED)
     try:
         if sp.issparse(system.K):
             return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid, rounding=system.rounding)
-        if system.N > _SEARCHED and np.isfinite(omega) and (found := _few(system, omega)) is not None:
-            return found
-        lam, X = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
+        K, M, rigid = np.asarray(system.K), np.asarray(system.M), system.rigid
+        V = _lowest(K, M, highest) if system.N > _SMALL and 0 < omega < np.inf else None
+        if V is not None:
+            K, M, rigid = V.T @ K @ V, V.T @ M @ V, highest**2 * V.T @ (M @ rigid)
+        lam, X = elastic_pairs(K, M, rigid, system.rounding)
     except UndeterminedError as error:
         raise undetermined(system, error) from None
-    keep = lam <= omega**2
-    return np.sqrt(lam[keep]), X[:, keep]
+    keep = lam <= highest**2
+    return np.sqrt(lam[keep]), X[:, keep] if V is None else V @ X[:, keep]
 
 
-def _few(system: System, omega: float) -> tuple[Real, Real] | None:
-    """Modes of a dense system below a frequency, searched; None if they are not few, or the search does not end."""
-    K, M = sp.csc_array(system.K), sp.csc_array(system.M)
-    # The dense solver names the motion that has neither mass nor stiffness.
-    with suppress(MatrixError):
-        count = count_below(K, M, omega, system.rigid.shape[1])
-        if count is not None and count <= _SHARE * system.N:
-            found = certified_modes(K, M, omega, rigid=system.rigid, count=count, rounding=system.rounding)
-            return found.omega, found.Phi
-    return None
+def _lowest(K: Real, M: Real, omega: float) -> Real | None:
+    """Basis (N, p) of the modes of a dense pencil up to a frequency, rigid ones included; V^T (K + omega^2 M) V = I.
+
+    Those of M x = mu (K + omega^2 M) x with the largest mu, which have all digits; a coordinate may be without mass.
+    None if a motion has neither mass nor stiffness, which the solver of all modes names.
+    """
+    least = (1 - REPEATED) / (2 * omega**2)
+    try:
+        V: Real = la.eigh(M, K + omega**2 * M, subset_by_value=(least, np.inf), driver="gvx")[1]
+    except la.LinAlgError:
+        return None
+    return V
 
 
 def undetermined(system: System, error: UndeterminedError) -> UndeterminedError:

@@ -1,13 +1,15 @@
-"""Modes of a system of many dense coordinates: searched up to a frequency, as closed forms give them."""
+"""Modes of a system of many dense coordinates: up to a frequency alone, as closed forms give them."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import scipy.linalg as la
 
 from cmsreduce.assemble import system_modes
-from cmsreduce.assemble.modes import _SEARCHED
+from cmsreduce.assemble.modes import _SMALL
 from cmsreduce.errors import MatrixError
 from cmsreduce.model import Configuration, System
 
@@ -32,7 +34,7 @@ def two_chains(massless: bool = False) -> System:
 
 def test_repeated_modes_below_a_frequency():
     system, count = two_chains(), 40
-    assert system.N > _SEARCHED
+    assert system.N > _SMALL
     expected = np.repeat(2 * np.sin(np.arange(1, count + 1) * np.pi / 2 / LINKS), 2)
     # The second of the last pair is not left out by round-off.
     w, Phi = system_modes(system, float(expected[-1]))
@@ -40,6 +42,22 @@ def test_repeated_modes_below_a_frequency():
     gram = Phi.T @ system.M @ Phi
     np.testing.assert_allclose(gram, np.eye(2 * count), rtol=0, atol=1e-10)
     assert abs(Phi.T @ system.M @ system.rigid).max() < 1e-10
+
+
+@pytest.mark.parametrize("last", [3, 100, 2 * LINKS - 10], ids=["the first", "a third", "nearly all"])
+def test_links_without_mass_follow_the_others(last):
+    # A spring of 2 on each mass of one chain holds a point without mass, and moves nothing.
+    system, size = two_chains(), 2 * LINKS + LINKS
+    hold = np.hstack([-np.eye(LINKS), np.zeros((LINKS, LINKS)), np.eye(LINKS)])
+    K, M = (la.block_diag(A, np.zeros((LINKS, LINKS))) for A in (system.K, system.M))
+    follow = np.vstack([np.eye(2 * LINKS), np.eye(LINKS, 2 * LINKS)])
+    w = np.sort(np.repeat(2 * np.sin(np.arange(1, LINKS) * np.pi / 2 / LINKS), 2))[:last]
+    wide = replace(
+        system, M=M, K=K + 2 * hold.T @ hold, rigid=follow @ system.rigid, T=np.eye(size), sizes={"chains": size}
+    )
+    found, Phi = system_modes(wide, float(w[-1]))
+    np.testing.assert_allclose(found[:last], w, rtol=1e-9)
+    np.testing.assert_allclose(Phi, follow @ Phi[: 2 * LINKS], rtol=0, atol=1e-9)
 
 
 def test_a_motion_without_mass_and_stiffness_is_refused_by_name():

@@ -17,6 +17,7 @@ from cmsreduce.linalg.eigen.null_space import (
     stiffness_null_space,
 )
 from cmsreduce.linalg.eigen.pencil import (
+    REPEATED,
     UndeterminedError,
     elastic_and_massless,
     elastic_pairs,
@@ -32,6 +33,7 @@ __all__ = [
     "ComplexModes",
     "DEPENDENT",
     "DampedPencil",
+    "REPEATED",
     "UndeterminedError",
     "beside_modes",
     "certified_modes",
