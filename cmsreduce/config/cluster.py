@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from cmsreduce.config.keys import Count, Keys, Memory
 from cmsreduce.config.located import parse, plain
-from cmsreduce.config.problems import config_error, problems_of
+from cmsreduce.config.problems import config_error, problems_of, refuse_empty
 from cmsreduce.errors import ReadError, refuse_device
 
 __all__ = ["ClusterKeys", "load_cluster"]
@@ -83,6 +83,7 @@ def load_cluster(path: Path) -> ClusterKeys:
             "configs/cluster-slurm.yaml, or the address of a Dask scheduler such as tcp://node1:8786"
         ) from None
     root = parse(text, str(path), path.parent)
+    refuse_empty(root, ClusterKeys)
     try:
         return ClusterKeys.model_validate(plain(root))
     except ValidationError as error:

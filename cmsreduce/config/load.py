@@ -14,7 +14,7 @@ from cmsreduce.config.copies import copies_written_out, without_repetitions
 from cmsreduce.config.grammar import is_mapping_of_values, models_at
 from cmsreduce.config.keys import Pipeline
 from cmsreduce.config.located import Entry, Location, merge, parse, plain
-from cmsreduce.config.problems import config_error, located, problems_of
+from cmsreduce.config.problems import config_error, located, problems_of, refuse_empty
 from cmsreduce.config.references import broken_references
 from cmsreduce.errors import ConfigError, ReadError, closest, refuse_device
 from cmsreduce.model import DOF_NAMES
@@ -77,6 +77,7 @@ def pipeline_from_keys(keys: Mapping[str, Any], source: str) -> Pipeline:
 
 def _checked(root: Entry) -> Pipeline:
     """Validate a tree of keys; all errors make one message."""
+    refuse_empty(root)
     root = copies_written_out(root, _adapt)
     try:
         pipeline = Pipeline.model_validate(plain(root))
@@ -110,7 +111,7 @@ def _read(path: Path, chain: tuple[Path, ...], included: list[Path], trees: dict
         )
     include = keys.pop("include", None)
     own = Entry(keys, root.where)
-    if include is None or include.value is None:
+    if include is None or (include.value is None and not include.empty):
         return own
     base: Entry | None = None
     chain = (*chain, path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -90,11 +90,20 @@ class Entry:
         Place of the key, or of the item of a list.
     whole : bool
         True if the value replaces a mapping instead of being merged into it.
+    empty : bool
+        True if nothing is written after the key.
     """
 
     value: Value
     where: Location
     whole: bool = False
+    empty: bool = False
+
+    def below(self) -> Iterable[tuple[str | int, Entry]]:
+        """Entries of a mapping or list, each with its key or number."""
+        if isinstance(self.value, dict):
+            return self.value.items()
+        return enumerate(self.value) if isinstance(self.value, list) else ()
 
 
 Adapt = Callable[[tuple[str, ...], Entry, Entry], Entry]
@@ -103,7 +112,7 @@ Adapt = Callable[[tuple[str, ...], Entry, Entry], Entry]
 
 @lru_cache(maxsize=_HELD)
 def parse(text: str, source: str, folder: Path, in_override: bool = False) -> Entry:
-    """Read one YAML 1.2 document, without objects, keys given twice, or keys without a value.
+    """Read one YAML 1.2 document, without objects or keys given twice.
 
     Parameters
     ----------
@@ -218,17 +227,14 @@ class _Reader:
             if name in own:
                 first = "" if self.in_override else f", first in line {own[name].where.line}"
                 raise ConfigError(f"{where}: key '{inner}' is given twice{first}")
-            if isinstance(item, ScalarNode) and item.tag == _TAG + "null" and not item.value:
-                if name.isdigit() and own:
-                    before = list(own.values())[-1].value
-                    raise ConfigError(
-                        f"{where}: '{path}' has a decimal comma before {name}: numbers have a point, such as "
-                        f"{before if isinstance(before, int) else 5}.{name}"
-                    )
+            empty = isinstance(item, ScalarNode) and item.tag == _TAG + "null" and not item.value
+            if empty and name.isdigit() and own:
+                before = list(own.values())[-1].value
                 raise ConfigError(
-                    f"{where}: key '{inner}' has no value: write {{}} to take the defaults, null to leave it out"
+                    f"{where}: '{path}' has a decimal comma before {name}: numbers have a point, such as "
+                    f"{before if isinstance(before, int) else 5}.{name}"
                 )
-            own[name] = Entry(self.value(item, inner, above), where)
+            own[name] = Entry(self.value(item, inner, above), where, empty=empty)
         return {**merged, **own}
 
     def merged(self, node: Node, path: str, above: tuple[int, ...]) -> dict[str, Entry]:

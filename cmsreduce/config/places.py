@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from cmsreduce.config.keys import Pipeline
@@ -81,10 +81,5 @@ def _named(tree: Entry, message: str) -> Iterator[Entry]:
 def _texts(entry: Entry, keys: Keys) -> Iterator[tuple[Keys, Entry]]:
     if isinstance(entry.value, str):
         yield keys, entry
-    below: Sequence[tuple[str | int, Entry]] = ()
-    if isinstance(entry.value, dict):
-        below = list(entry.value.items())
-    elif isinstance(entry.value, list):
-        below = list(enumerate(entry.value))
-    for key, item in below:
+    for key, item in entry.below():
         yield from _texts(item, (*keys, key))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from cmsreduce.config.found import found_in, instead_of
 from cmsreduce.config.grammar import field_at, known_keys, models_at, places_of
 from cmsreduce.config.keys import Keys, Pipeline
 from cmsreduce.config.located import Entry, Location, find
@@ -20,12 +20,14 @@ __all__ = [
     "config_error",
     "located",
     "problems_of",
+    "refuse_empty",
 ]
 
 # More messages would push the first one off the screen, and that one often causes the others.
 _MOST_REPORTED = 10
 
-_WITH_UNIT = re.compile(r"[-+\d.]+\s*[^\d\s]")
+# What stands for no value, and what it does.
+_NOTHING: tuple[tuple[object, str], ...] = (({}, "{} to take the defaults"), (None, "null to leave it out"))
 _EXPECTED = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -38,6 +40,13 @@ _EXPECTED = {
     "none_required": "nothing",
     "path_type": "a file name",
     "finite_number": "a finite number",
+    "multiple_of": "an even number",
+}
+_LIMITS = {
+    "greater_than": ("above", "gt"),
+    "greater_than_equal": ("at least", "ge"),
+    "less_than": ("below", "lt"),
+    "less_than_equal": ("at most", "le"),
 }
 
 
@@ -91,6 +100,54 @@ def located(root: Entry, keys: Sequence[str | int], message: str) -> Problem:
     return Problem(entry.where, f"key '{path_text(followed)}': {message}" if followed else message)
 
 
+def refuse_empty(root: Entry, grammar: type[Keys] = Pipeline) -> None:
+    """Refuse keys after which nothing is written, each with what it takes.
+
+    Parameters
+    ----------
+    root : Entry
+        The tree of a file.
+    grammar : type of Keys
+        Grammar of the file.
+
+    Raises
+    ------
+    ConfigError
+        One line for each such key.
+    """
+    problems = [
+        Problem(find(root, keys)[0].where, f"key '{path_text(keys)}' has no value: {_instead(keys, grammar)}")
+        for keys in _empty_keys(root, ())
+    ]
+    if problems:
+        raise config_error(problems)
+
+
+def _empty_keys(entry: Entry, keys: tuple[str | int, ...]) -> Iterator[tuple[str | int, ...]]:
+    if entry.empty:
+        yield keys
+    for key, item in entry.below():
+        yield from _empty_keys(item, (*keys, key))
+
+
+def _instead(keys: Sequence[str | int], grammar: type[Keys]) -> str:
+    """Say what may stand after a key: an example, ``{}`` for the defaults, or null."""
+    field, example = field_at(keys, grammar), _example(keys, grammar)
+    steps = ["write one after it" + (f", e.g. {keys[-1]}: {example}" if example else "")]
+    if field is not None and not field.is_required():
+        taken = TypeAdapter(field.rebuild_annotation())
+        steps += [words for value, words in _NOTHING if _takes(taken, value)]
+    return ", or ".join(steps)
+
+
+def _takes(taken: TypeAdapter[Any], value: object) -> bool:
+    try:
+        taken.validate_python(value)
+    except ValidationError:
+        return False
+    return True
+
+
 def problems_of(
     root: Entry, errors: Sequence[ErrorDetails], grammar: type[Keys] = Pipeline, whole: str = "the pipeline"
 ) -> list[Problem]:
@@ -113,7 +170,13 @@ def problems_of(
         loc = error["loc"]
         return error["type"] == "too_short" and any(len(place) > len(loc) == _shared(place, loc) for place in places)
 
-    return [_problem_of(root, error, grammar, whole) for error in errors if not follows_from_another(error)]
+    alike: dict[object, list[ErrorDetails]] = {}
+    for error in errors:
+        if not follows_from_another(error):
+            # A value that may be of several kinds has an error of each.
+            one_of_several = error["type"] == "literal_error" or bool(_expected(error, grammar))
+            alike.setdefault(find(root, error["loc"])[1] if one_of_several else id(error), []).append(error)
+    return [_problem_of(root, group, grammar, whole) for group in alike.values()]
 
 
 def _shared(a: tuple[int | str, ...], b: tuple[int | str, ...]) -> int:
@@ -121,14 +184,13 @@ def _shared(a: tuple[int | str, ...], b: tuple[int | str, ...]) -> int:
     return next((k for k, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
 
 
-def _problem_of(root: Entry, error: ErrorDetails, grammar: type[Keys], whole: str) -> Problem:
-    loc = error["loc"]
-    kind = error["type"]
+def _problem_of(root: Entry, errors: Sequence[ErrorDetails], grammar: type[Keys], whole: str) -> Problem:
+    loc, kind = errors[0]["loc"], errors[0]["type"]
     if kind == "missing":
         return _missing(root, loc, grammar, whole)
     if kind == "extra_forbidden":
         return _unknown(root, loc, grammar)
-    return located(root, loc, _wording(error, grammar))
+    return located(root, loc, _wording(errors, grammar))
 
 
 def _missing(root: Entry, loc: tuple[int | str, ...], grammar: type[Keys], whole: str) -> Problem:
@@ -147,7 +209,8 @@ def _unknown(root: Entry, loc: tuple[int | str, ...], grammar: type[Keys]) -> Pr
     for model in models_at(loc[:-1], grammar):
         if word in model.removed:
             return Problem(entry.where, f"key '{path_text(followed)}' has been removed. {model.removed[word]}")
-    meant = closest(word, known)
+    other = next((model.other_words[word] for model in models_at(loc[:-1], grammar) if word in model.other_words), None)
+    meant = other or closest(word, known)
     places = [place for place in places_of(word, grammar) if place]
     if meant:
         guess = f": did you mean '{meant}'?"
@@ -158,29 +221,41 @@ def _unknown(root: Entry, loc: tuple[int | str, ...], grammar: type[Keys]) -> Pr
     return Problem(entry.where, f"key '{path_text(followed)}' is unknown{guess} Known keys: {', '.join(known)}")
 
 
-def _wording(error: ErrorDetails, grammar: type[Keys]) -> str:
-    context: Mapping[str, Any] = error.get("ctx", {})
-    kind, found = error["type"], _found(error["input"])
+def _wording(errors: Sequence[ErrorDetails], grammar: type[Keys]) -> str:
+    """Words on the errors of one value; one that may be of several kinds has an error of each."""
+    error = errors[0]
+    kind, found = error["type"], found_in(error["input"])
     if kind in ("value_error", "assertion_error"):
-        return str(context["error"])
-    if kind == "literal_error":
-        choices = str(context["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
-        meant = closest(str(error["input"]), choices)
-        guess = f", did you mean '{meant}'?" if meant else ";"
-        return f"found {found}{guess} expected {' or '.join(choices)}"
-    limits = {"greater_than": "gt", "greater_than_equal": "ge", "less_than": "lt", "less_than_equal": "le"}
-    if kind in limits:
-        sign = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}[limits[kind]]
-        return f"found {found}, expected a number {sign} {context[limits[kind]]:g}{_for_example(error['loc'], grammar)}"
+        return str(error["ctx"]["error"])
     if kind in ("too_short", "string_too_short"):
         return f"is empty{_for_example(error['loc'], grammar)}"
-    if kind in _EXPECTED:
-        known = known_keys(error["loc"], grammar) if kind == "model_type" else []
-        keys = f" with keys {', '.join(known)}" if known else ""
-        # A number is in the units that the file states for the scene or the body.
-        bare = " without a unit" if kind in ("float_type", "int_type") and _WITH_UNIT.match(str(error["input"])) else ""
-        return f"found {found}, expected {_EXPECTED[kind]}{bare}{keys}{_for_example(error['loc'], grammar)}"
-    return f"{error['msg']}, found {found}"
+    choices = [choice for each in errors if each["type"] == "literal_error" for choice in _choices(each)]
+    expected = [_expected(each, grammar) for each in errors if each["type"] != "literal_error"]
+    wanted = " or ".join([*choices, *(one for one in expected if one)])
+    if not wanted:
+        return f"{error['msg']}, found {found}"
+    meant = closest(str(error["input"]), choices)
+    guess = f", did you mean '{meant}'?" if meant else ";" if choices else ","
+    # A number is in the units that the file states for the scene or the body.
+    numeric = {each["type"] for each in errors} & {"float_type", "int_type"}
+    example = "" if choices else _example(error["loc"], grammar)
+    return (
+        f"found {found}{guess} expected {wanted}{instead_of(error['input'] if numeric else None, example, unit=False)}"
+    )
+
+
+def _choices(error: ErrorDetails) -> list[str]:
+    return str(error["ctx"]["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
+
+
+def _expected(error: ErrorDetails, grammar: type[Keys]) -> str:
+    """Kind or range of the value that stands at a place; empty for an error of another sort."""
+    kind, context = error["type"], error.get("ctx", {})
+    if kind in _LIMITS:
+        words, limit = _LIMITS[kind]
+        return f"a number {words} {context[limit]:g}"
+    known = known_keys(error["loc"], grammar) if kind == "model_type" else []
+    return _EXPECTED.get(kind, "") + (f" with keys {', '.join(known)}" if known else "")
 
 
 def _for_example(loc: tuple[int | str, ...], grammar: type[Keys]) -> str:
@@ -188,7 +263,7 @@ def _for_example(loc: tuple[int | str, ...], grammar: type[Keys]) -> str:
     return f", e.g. {example}" if example else ""
 
 
-def _example(loc: tuple[int | str, ...], grammar: type[Keys]) -> str:
+def _example(loc: Sequence[int | str], grammar: type[Keys]) -> str:
     field = field_at(loc, grammar)
     return _flow(field.examples[0]) if field is not None and field.examples else ""
 
@@ -202,15 +277,3 @@ def _flow(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value)
-
-
-def _found(value: object) -> str:
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return f"the number {value}"
-    if isinstance(value, (str, Path)):
-        return f"the text '{value}'"
-    return "a mapping" if isinstance(value, Mapping) else "a list"

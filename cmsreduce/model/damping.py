@@ -51,7 +51,9 @@ class Damping:
             return
         value = getattr(self, given[0])
         numbers = np.ravel(np.asarray(value, dtype=np.float64))
-        if numbers.size == 0 or not np.isfinite(numbers).all():
+        if numbers.size == 0:
+            raise DampingError(f"damping {given[0]}: the list is empty: write its numbers, or leave `damping` out")
+        if not np.isfinite(numbers).all():
             raise DampingError(f"damping {given[0]}: {value} is not a finite number")
         if given[0] == "rayleigh":
             if numbers.min() < 0 or numbers.max() <= 0:

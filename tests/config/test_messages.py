@@ -157,7 +157,24 @@ MISTAKES = {
     "duplicate key": (
         "balance: {rank", "reduce: {cutoff: 4}\nbalance: {rank", 0, "key 'reduce' is given twice, first in line "),
     "key without a value": (
-        "write: {formats: [hdf5]}", "write:", 0, "key 'write' has no value: write {} to take the defaults, null to"),
+        "write: {formats: [hdf5]}", "write:", 0,
+        "key 'write' has no value: write one after it, e.g. write: {formats: [hdf5]}, or {} to take the defaults, or"),
+    "key that must have a value": (
+        "band: 10 Hz", "band:", 0, "key 'scene.band' has no value: write one after it, e.g. band: 10 Hz"),
+    "word of other programs": (
+        "band: 10 Hz", "band: 10 Hz\n  configurations: [1]", 1, "is unknown: did you mean 'articulation'?"),
+    "decimal comma": (
+        "mass: 120.0", "mass: '1,5'", 0,
+        "found the text '1,5', expected a number, which has a point, not a comma: 1.5"),
+    "decimal comma of a frequency": ("band: 10 Hz", "band: 1,5", 0, "which has a point, not a comma: 1.5"),
+    "number in quotes": ("mass: 120.0", "mass: '120'", 0, "expected a number, without quotes: 120"),
+    "unit of another kind": ("band: 10 Hz", "band: 10 kg", 0, "'10 kg' is not a frequency, e.g. 10 Hz"),
+    "mass of a rigid body outside of it": (
+        "    interfaces: {hinge", "    mass: 120.0\n    interfaces: {hinge", 0,
+        "found the number 120.0; numbers of a rigid body stand under `rigid`"),
+    "a value that may be of two kinds": (
+        "write: {formats", "verify: {between: -3}\nwrite: {formats", 0,
+        "key 'verify.between': found the number -3; expected all or a number at least 0"),
     "older YAML": ("name: galileo", "%YAML 1.1\n---\nname: galileo", 0, "the file says that it is YAML 1.1, in which"),
     "tag": ("name: galileo", "name: !!python/object:os.system galileo", 0, "has the tag !!python/object:os.system"),
     "memory without unit": (
@@ -201,7 +218,10 @@ def test_mistake_in_the_file(galileo, edited, old, new, off, words):
             "balance.keeep=all",
             "key 'balance.keeep' is unknown: did you mean 'keep'? Known keys: rank, keep, weighting, scaling, clusters",
         ),
-        ("reduce.cutoff=20 Hz", "key 'reduce.cutoff': found the text '20 Hz', expected a number, e.g. 2.0"),
+        (
+            "reduce.cutoff=20 Hz",
+            "key 'reduce.cutoff': found the text '20 Hz', expected a number without a unit, e.g. 2.0",
+        ),
         ("components.rotor.damping.modal=0", "key 'components.rotor.damping.modal': damping modal: 0 is not positive"),
         ("balance.keep.modes.rotr=3", "there is no flexible component 'rotr', did you mean 'rotor'?"),
         ("components.rotor.balance.keep.frf_error=0.1", "ask for it under 'balance.keep'"),

@@ -36,7 +36,7 @@ def test_ratios(law, ratios, on_modes):
         ({"modal": 0.0}, "modal: 0 is not positive"),
         ({"modal": -0.01}, r"modal: -0\.01 is not positive"),
         ({"modal": float("nan")}, "not a finite number"),
-        ({"per_mode": ()}, "not a finite number"),
+        ({"per_mode": ()}, "the list is empty"),
         ({"per_mode": (0.1, 0.0)}, "per_mode: 0 is not positive"),
         ({"table": ((1.0, 0.01), (1.0, 0.02))}, "frequencies must increase"),
         ({"table": ((1.0, -0.01),)}, r"table: -0\.01"),

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer, Strict, WithJsonSchema, model_validator
 
+from cmsreduce.config.found import found_in
 from cmsreduce.config.keys.channels import ChannelSize
 from cmsreduce.config.keys.keep import STATES, KeepKeys
 from cmsreduce.config.keys.mapping import Flag, Frequency, Keys, Number, Plain, exactly_one, refused, reported
@@ -77,7 +78,7 @@ class WeightingKeys(Keys):
         if value == "band":
             return {"scene_band": True}
         if not isinstance(value, (dict, Keys)):
-            raise ValueError(f"`band` or a mapping is expected, e.g. {{low_pass: 2 Hz}}: found {value!r}")
+            raise ValueError(f"`band` or a mapping is expected, e.g. {{low_pass: 2 Hz}}: found {found_in(value)}")
         return value
 
     @model_validator(mode="after")
@@ -89,9 +90,9 @@ class WeightingKeys(Keys):
 def _parse_arm(value: object) -> object:
     if value in ("auto", "none"):
         return value
-    length = parse_quantity(value)
+    length = parse_quantity(value, "length")
     if length.value <= 0 or length.dimension not in (None, "length"):
-        raise ValueError(f"a length above zero, auto or none is expected, e.g. 300 mm, found {value!r}")
+        raise ValueError(f"a length above zero, auto or none is expected, e.g. 300 mm, found {found_in(value)}")
     return length
 
 
@@ -142,7 +143,7 @@ def _parse_limit(value: object) -> object:
     if value == "none":
         return 1.0
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value <= 1:
-        raise ValueError(f"none or a correlation between 0 and 1 is expected, e.g. 0.1, found {value!r}")
+        raise ValueError(f"none or a correlation between 0 and 1 is expected, e.g. 0.1, found {found_in(value)}")
     return float(value)
 
 

@@ -19,6 +19,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
+from cmsreduce.config.found import found_in
 from cmsreduce.config.keys.channels import DofName, Pair
 from cmsreduce.config.keys.mapping import DofNames, Keys, LengthVector, Plain, Written, WrittenItems, reported
 from cmsreduce.config.keys.quantities import Compound, ElementFigure, Quantity, parse_compound, parse_quantity
@@ -257,7 +258,7 @@ class Articulation(Keys):
             return value
         raise ValueError(
             "a mapping JOINT: [values] or a list of configurations is expected, e.g. {spin: [0, 45, 90 deg]}, "
-            f"found {value!r}"
+            f"found {found_in(value)}"
         )
 
     @model_serializer(mode="wrap")

@@ -19,6 +19,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
+from cmsreduce.config.found import found_in
 from cmsreduce.config.keys.mapping import Count, Keys, Name, Positive, RelativeError
 
 __all__ = ["STATES", "KeepKeys"]
@@ -38,7 +39,9 @@ _RANGE = re.compile(r"(\d{1,9})\s*-\s*(\d{1,9})")
 
 def _check_modes(value: object) -> object:
     if isinstance(value, bool) or not isinstance(value, (int, dict)):
-        raise ValueError(f"a number of modes or a mapping COMPONENT: NUMBER is expected, e.g. 20, found {value!r}")
+        raise ValueError(
+            f"a number of modes or a mapping COMPONENT: NUMBER is expected, e.g. 20, found {found_in(value)}"
+        )
     if isinstance(value, int) and value < 0:
         raise ValueError(f"{value} modes cannot be kept")
     return value
@@ -163,7 +166,8 @@ class KeepKeys(Keys):
             return {} if value == "all" else {"limits": "all"}
         if isinstance(value, (str, int, float, list)):
             raise ValueError(
-                f"`all`, `limits` or a mapping is expected, e.g. {{modes: 20}} or {{frf_error: 0.01}}: found {value!r}"
+                "`all`, `limits` or a mapping is expected, e.g. {modes: 20} or {frf_error: 0.01}: found "
+                + found_in(value)
             )
         if isinstance(value, dict):
             if isinstance(value.get("states"), dict):

@@ -26,6 +26,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from cmsreduce.config.found import found_in
 from cmsreduce.config.keys.quantities import Quantity, measure, parse_quantity, parse_ratio
 from cmsreduce.config.located import Text
 from cmsreduce.errors import CmsReduceError
@@ -73,7 +74,8 @@ class Keys(BaseModel):
     """A mapping of the pipeline file: known keys only, frozen, finite numbers.
 
     Each of the keys ``alternatives`` excludes the others. A lone value stands for the key ``short_key``;
-    ``short_schema`` is its JSON Schema. ``removed`` holds keys of earlier versions, each with what to write instead.
+    ``short_schema`` is its JSON Schema. ``removed`` holds keys of earlier versions, each with what to write instead,
+    and ``other_words`` what people write for a key of the mapping.
     """
 
     # Validators are built once for the whole pipeline, not again for each mapping in it.
@@ -85,6 +87,7 @@ class Keys(BaseModel):
     short_key: ClassVar[str] = ""
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ()
     removed: ClassVar[Mapping[str, str]] = {}
+    other_words: ClassVar[Mapping[str, str]] = {}
 
     @model_validator(mode="before")
     @classmethod
@@ -184,8 +187,8 @@ def _resolve(value: object) -> Path:
     if isinstance(value, Path):
         return value
     if not isinstance(value, str) or not value:
-        found = "an empty text" if value == "" else f"{value!r}"
-        raise ValueError(f"a file name is expected, found {found}")
+        rigid = "; numbers of a rigid body stand under `rigid`" if isinstance(value, (int, float)) else ""
+        raise ValueError(f"a file name is expected, found {found_in(value) if value != '' else 'an empty text'}{rigid}")
     path = Path(value).expanduser()
     if not isinstance(value, Text):
         return path
@@ -200,7 +203,7 @@ def _parse_motions(value: object) -> tuple[str, ...]:
     if isinstance(value, str) and value.strip().lower() == "none":
         return ()
     if isinstance(value, bool) or not isinstance(value, (str, int, list, tuple)):
-        raise ValueError(f"dofs are expected, such as [x, rz] or 123, found {value!r}")
+        raise ValueError(f"dofs are expected, such as [x, rz] or 123, found {found_in(value)}")
     items = value if isinstance(value, (list, tuple)) else list(str(value)) if str(value).isdigit() else [value]
     names = [DOF_NAMES[dof_index(str(item))] for item in items]
     repeated = [name for k, name in enumerate(names) if name in names[:k]]
@@ -237,11 +240,11 @@ def _check_vector(value: object) -> object:
     return value
 
 
-def _check_lengths(vector: tuple[Quantity, Quantity, Quantity]) -> tuple[Quantity, Quantity, Quantity]:
-    for item in vector:
-        if item.unit and item.dimension != "length":
-            raise ValueError(f"{item} is no length, e.g. 3 mm")
-    return vector
+def _parse_length(value: object) -> Quantity:
+    length = parse_quantity(value, "length")
+    if length.dimension not in (None, "length"):
+        raise ValueError(f"{length} is no length, e.g. 3 mm")
+    return length
 
 
 def _check_units(text: str) -> str:
@@ -310,11 +313,9 @@ Written = Annotated[
 """Number with or without a unit, kept as written until its dimension is known."""
 WrittenItems = tuple[Written, ...]
 """Numbers with or without units."""
-Length = Annotated[Written, AfterValidator(lambda item: _check_lengths((item, item, item))[0])]
+Length = Annotated[Written, BeforeValidator(reported(_parse_length))]
 """One length with or without a unit."""
-LengthVector = Annotated[
-    tuple[Written, Written, Written], BeforeValidator(_check_vector), AfterValidator(_check_lengths)
-]
+LengthVector = Annotated[tuple[Length, Length, Length], BeforeValidator(_check_vector)]
 """Three lengths with or without units."""
 
 

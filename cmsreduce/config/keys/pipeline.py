@@ -110,6 +110,11 @@ class Pipeline(Keys):
     """A pipeline: the bodies, the scene they act in, and the stages to run; a stage that is absent is not run."""
 
     removed: ClassVar[Mapping[str, str]] = NO_PARTS
+    other_words: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("bodies", "models"), "components"),
+        **dict.fromkeys(("tolerance", "tolerances"), "verify"),
+        **dict.fromkeys(("out", "results"), "output"),
+    }
 
     name: Name = Field(description="Name of the study.", examples=["galileo"])
     output: Annotated[Path, WithJsonSchema({"type": "string"})] = Field(
@@ -162,7 +167,7 @@ class Pipeline(Keys):
     @classmethod
     def written_out(cls, value: object) -> object:
         """Name the output folder after the study."""
-        if isinstance(value, dict) and "output" not in value and isinstance(value.get("name"), str):
+        if isinstance(value, dict) and value.get("output", "") == "" and isinstance(value.get("name"), str):
             return {**value, "output": f"build/{value['name']}"}
         return value
 

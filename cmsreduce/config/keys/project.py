@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from cmsreduce.config.found import found_in
 from cmsreduce.config.keys.mapping import (
     Count,
     Flag,
@@ -51,7 +52,9 @@ class SystemModeKeys(Keys):
         if value == "auto":
             return {}
         if isinstance(value, (str, int, float, list)):
-            raise ValueError(f"`auto` or a mapping is expected, e.g. {{cutoff: 1.5}} or {{count: 20}}: found {value!r}")
+            raise ValueError(
+                f"`auto` or a mapping is expected, e.g. {{cutoff: 1.5}} or {{count: 20}}: found {found_in(value)}"
+            )
         return value
 
     @model_validator(mode="after")

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from cmsreduce.config.found import found_in, instead_of
 from cmsreduce.config.located import LARGEST_NUMBER
 from cmsreduce.errors import UnitsError, closest
 from cmsreduce.model import UnitKind, Units, units_of
@@ -45,7 +46,7 @@ _UNITS: dict[str, tuple[Dimension, float]] = {
     name: (dimension, value) for dimension in get_args(Dimension) for name, value in units_of(dimension).items()
 }
 
-_FORM = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(?:([^\d\s.+-]\S*)\s*)?")
+_FORM = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(?:([^\d\s.,+-]\S*)\s*)?")
 
 ElementFigure = Literal["stiffness", "damping", "inertia"]
 """Properties of a joint along each of its motions."""
@@ -70,22 +71,14 @@ _DIMENSION: dict[tuple[ElementFigure, bool], tuple[Powers, str]] = {
     ("damping", False): ((0, 1, -1), "3 N*s/m"),
     ("inertia", True): ((2, 1, 0), "1e-3 kg*m^2"),
 }
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*((?![\d.,]).*)")
 _PERCENT = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*%\s*")
 _FACTOR = re.compile(r"\s*([*·/]?)\s*([A-Za-z]+)\s*(?:(?:\^|\*\*)?\s*([23])|([²³]))?\s*")
 
 
 @dataclass(frozen=True)
 class _Written:
-    """A number and its unit, as written.
-
-    Parameters
-    ----------
-    value : float
-        The number.
-    unit : str
-        Unit or product of units, empty where none was written.
-    """
+    """A number and its unit or product of units, as written; an empty text where there is none."""
 
     value: float
     unit: str = ""
@@ -147,13 +140,15 @@ def _usual(dimension: Dimension) -> str:
     return {"angle": "deg or rad", "frequency": "Hz", "length": "mm", "time": "s"}[dimension]
 
 
-def parse_quantity(value: object) -> Quantity:
+def parse_quantity(value: object, dimension: Dimension | None = None) -> Quantity:
     """Read a number with or without a unit.
 
     Parameters
     ----------
     value : int, float, str or Quantity
         As written in the file.
+    dimension : {"frequency", "angle", "length", "time"}, optional
+        Expected dimension, for the words of an error.
 
     Raises
     ------
@@ -172,14 +167,11 @@ def parse_quantity(value: object) -> Quantity:
             raise UnitsError(f"{value} is not a finite number up to {LARGEST_NUMBER:g}")
         return Quantity(float(value))
     if not isinstance(value, str) or (form := _FORM.fullmatch(value)) is None:
-        examples = f"e.g. {EXAMPLES['angle']} or {EXAMPLES['frequency']}"
-        if isinstance(value, str) and re.match(r"\s*[-+]?\d+,\d", value):
-            examples = f"which has a point, not a comma: {value.replace(',', '.', 1)}"
-        found = {type(None): "null", list: "a list", dict: "a mapping"}.get(type(value), f"'{value}'")
-        raise UnitsError(f"{found} is not a number with a unit, {examples}")
+        example = EXAMPLES[dimension] if dimension else f"{EXAMPLES['angle']} or {EXAMPLES['frequency']}"
+        raise UnitsError(f"{found_in(value)} is not a number with a unit{instead_of(value, example, unit=True)}")
     if abs(number := float(form[1])) > LARGEST_NUMBER:
         raise UnitsError(f"'{value}' is not a finite number up to {LARGEST_NUMBER:g}")
-    return Quantity(number, _unit_named(form[2] or "", value))
+    return Quantity(number, _unit_named(form[2] or "", value, dimension))
 
 
 def parse_ratio(value: object) -> object:
@@ -210,7 +202,7 @@ def parse_ratio(value: object) -> object:
     return value
 
 
-def _unit_named(text: str, written: str) -> str:
+def _unit_named(text: str, written: str, dimension: Dimension | None) -> str:
     """Find a unit; upper and lower case matter only where two units differ in nothing else."""
     if not text or text in _UNITS:
         return text
@@ -219,9 +211,12 @@ def _unit_named(text: str, written: str) -> str:
         return alike[0]
     if alike:
         raise UnitsError(f"'{written}': write {' or '.join(alike)}, they differ by the case of their letters")
-    meant = closest(text, _UNITS)
+    known = [unit for unit in _UNITS if dimension in (None, _UNITS[unit][0])]
+    if dimension and text in _COMPOUND_UNITS:
+        raise UnitsError(f"'{written}' is not {_KIND[dimension]}, e.g. {EXAMPLES[dimension]}")
+    meant = closest(text, known)
     guess = f", did you mean '{meant}'? Known" if meant else ", known"
-    raise UnitsError(f"'{written}': unknown unit '{text}'{guess} are {', '.join(_UNITS)}")
+    raise UnitsError(f"'{written}': unknown unit '{text}'{guess} are {', '.join(known)}")
 
 
 def measure(value: object, dimension: Dimension, bare: float | None = None) -> float:
@@ -246,7 +241,7 @@ def measure(value: object, dimension: Dimension, bare: float | None = None) -> f
     >>> measure("600 rpm", "frequency")
     10.0
     """
-    quantity = parse_quantity(value)
+    quantity = parse_quantity(value, dimension)
     if bare is not None and not quantity.unit:
         return quantity.value * bare
     return quantity.to_si(dimension)
@@ -326,7 +321,8 @@ def parse_compound(value: object) -> Compound:
         return Compound(float(value))
     form = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if form is None or abs(float(form[1])) > LARGEST_NUMBER:
-        raise UnitsError(f"'{value}' is not a number with units, e.g. 120 N*m/rad")
+        step = instead_of(value, "120 N*m/rad", unit=True)
+        raise UnitsError(f"{found_in(value)} is not a number with units{step}")
     unit = form[2].strip()
     if unit:
         _product(unit)

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
 
+from cmsreduce.config.found import found_in, instead_of
 from cmsreduce.config.keys.mapping import Flag, Keys, Positive
 from cmsreduce.config.located import LARGEST_WHOLE
 from cmsreduce.model import DOF_NAMES
@@ -43,8 +44,8 @@ def _check_residual(value: object) -> str:
 def _check_cutoff(value: object) -> object:
     if isinstance(value, str) and value != "auto":
         raise ValueError(
-            f"found the text '{value}', expected a number, e.g. 2.0, or auto: the cutoff counts in multiples of the "
-            "upper end of scene.band"
+            f"found {found_in(value)}, expected a number{instead_of(value, '2.0', unit=False)}, or auto: the cutoff "
+            "counts in multiples of the upper end of scene.band"
         )
     return value
 

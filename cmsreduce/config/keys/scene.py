@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
@@ -22,7 +23,7 @@ def _parse_band(value: object) -> tuple[float, float]:
     items = list(value) if isinstance(value, (list, tuple)) else [0, value]
     if len(items) != 2:
         raise ValueError(f"a highest frequency or two ends are expected, e.g. [0.01 Hz, 10 Hz], found {len(items)}")
-    ends = [parse_quantity(item) for item in items]
+    ends = [parse_quantity(item, "frequency") for item in items]
     units = {end.unit for end in ends if end.unit}
     if len(units) == 1:
         unit = next(iter(units))
@@ -43,6 +44,14 @@ Band = Annotated[
 
 class SceneKeys(Keys):
     """Joints, articulation, actuators, sensors and the frequency band, which decide which modes matter."""
+
+    other_words: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("configurations", "angles", "positions"), "articulation"),
+        **dict.fromkeys(("frequency", "frequencies", "bandwidth"), "band"),
+        **dict.fromkeys(("inputs", "forces", "loads"), "actuators"),
+        **dict.fromkeys(("outputs", "measurements"), "sensors"),
+        **dict.fromkeys(("connections", "hinges"), "joints"),
+    }
 
     band: Band = Field(
         description="Frequencies where accuracy is asked for: the highest, or both ends; Hz without a unit (others: "

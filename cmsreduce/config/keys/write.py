@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
 
+from cmsreduce.config.found import found_in
 from cmsreduce.config.keys.mapping import Flag, Keys, Name, Number, Plain
 from cmsreduce.model import DOF_NAMES, FrameCondition, FrameKind, Lumping
 
@@ -23,7 +24,9 @@ def _check_about(value: object) -> object:
     if isinstance(value, (list, tuple)) and len(value) != 3:
         raise ValueError(f"a point of 3 numbers is expected, e.g. [0, 0, 1.5], found {len(value)}")
     if not isinstance(value, (str, list, tuple)):
-        raise ValueError(f"basic, centre-of-mass, an interface or a point [x, y, z] is expected, found {value!r}")
+        raise ValueError(
+            f"basic, centre-of-mass, an interface or a point [x, y, z] is expected, found {found_in(value)}"
+        )
     return value
 
 

@@ -53,7 +53,7 @@ def test_text_form_reads_back():
         ("10 m", "frequency", "10 m is a length, a frequency is expected, e.g. 10 Hz"),
         ("3 s", "angle", "3 s is a time, an angle is expected, e.g. 45 deg"),
         (30, "angle", "30 has no unit, an angle is expected: write deg or rad"),
-        ("10 furlongs", "length", "unknown unit 'furlongs', known are Hz"),
+        ("10 furlongs", "length", "unknown unit 'furlongs', known are m, dm"),
         ("10 mhz", "frequency", "mHz or MHz"),
         ("ten Hz", "frequency", "not a number with a unit"),
         ("10 Hz Hz", "frequency", "not a number with a unit"),
