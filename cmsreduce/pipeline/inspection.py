@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.config import Pipeline, build_scene, load_pipeline, naming_the_line
 from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
-from cmsreduce.model import FEModel, Finding, Scene, SystemChecks, health_data, loads_in_words
+from cmsreduce.model import ControllerMargin, FEModel, Finding, Scene, SystemChecks, health_data, loads_in_words
 from cmsreduce.pipeline.bodies import (
     REDUCED_FILES,
     FlexibleBody,
@@ -43,8 +43,8 @@ from cmsreduce.write import ComponentFile, read_component, summary
 __all__ = ["Inspected", "inspected"]
 
 _PIPELINES = {".yaml", ".yml"}
-# High-gain modes named in each configuration.
-_NAMED = 4
+# High-gain modes named in each configuration, and rows of one kind of check.
+_NAMED, _MOST = 4, 40
 
 
 @dataclass(frozen=True)
@@ -275,55 +275,72 @@ def _checks(run: Run) -> Iterator[InspectedLine]:
     """Static completeness of each body; high gains above the band, zeros, steps and the controller in each scene."""
     for name, loads in run.checks.static.items():
         yield InspectedLine(f"{name}: static energy error of each load, balanced at the interface")
-        for load, lack in loads.items():
-            yield InspectedLine(f"{lack:.2e}", load, depth=1)
-    for system in run.checks.systems:
-        for text in (*_gains(run, system), *_zeros(run, system), *_steps(run, system)):
-            yield InspectedLine(text, system.configuration)
-    for margin in run.margins:
-        proof = "with the roots of both loops, it proves" if margin.proven else "it does not prove"
-        growing = "".join(
-            f"; the {what} loop has {count} unstable roots"
-            for what, count in (("reduced", margin.unstable), ("full", margin.unstable_full))
-            if count
+        yield from _worst([(lack, InspectedLine(f"{lack:.2e}", load, depth=1)) for load, lack in loads.items()])
+    for found in (_gains, _zeros, _steps):
+        yield from _worst(
+            [
+                (size, InspectedLine(text, system.configuration))
+                for system in run.checks.systems
+                for size, text in found(run, system)
+            ]
         )
-        yield InspectedLine(
-            f"the largest sigma_max(dG K) / sigma_min(I + G_R K) is {margin.ratio:.3g}, at {margin.worst_hz:.6g} Hz: "
-            f"{proof} the full loop stable{growing}",
-            margin.configuration,
-        )
+    yield from _worst([(margin.ratio, _margin(margin)) for margin in run.margins])
     for missing in run.checks.left_out:
         yield InspectedLine(missing, "not checked")
 
 
-def _gains(run: Run, system: SystemChecks) -> Iterator[str]:
+def _worst(rows: Sequence[tuple[float, InspectedLine]]) -> Iterator[InspectedLine]:
+    """Rows of one kind; of many, those of the largest figures."""
+    most = rows if len(rows) <= _MOST else sorted(rows, key=lambda row: -row[0])[:_MOST]
+    yield from (line for _, line in most)
+    if len(rows) > _MOST:
+        yield InspectedLine(f"and {len(rows) - _MOST} with smaller figures: --json and summary.json have all")
+
+
+def _margin(margin: ControllerMargin) -> InspectedLine:
+    proof = "with the roots of both loops, it proves" if margin.proven else "it does not prove"
+    growing = "".join(
+        f"; the {what} loop has {count} unstable roots"
+        for what, count in (("reduced", margin.unstable), ("full", margin.unstable_full))
+        if count
+    )
+    return InspectedLine(
+        f"the largest sigma_max(dG K) / sigma_min(I + G_R K) is {margin.ratio:.3g}, at {margin.worst_hz:.6g} Hz: "
+        f"{proof} the full loop stable{growing}",
+        margin.configuration,
+    )
+
+
+def _gains(run: Run, system: SystemChecks) -> Iterator[tuple[float, str]]:
     if system.full_gains is None:
         return
     high = list(system.full_gains.high_gain_modes(run.scene.band[1]))
     if not high:
-        yield "no mode above the band has a large share of any gain"
+        yield 0.0, "no mode above the band has a large share of any gain"
     errors = system.gain_errors
     for each in high[:_NAMED]:
         names = f"{run.scene.actuators[each.input].name} to {run.scene.sensors[each.output].name}"
         error = "unknown" if errors is None else f"{errors[each.output, each.input]:.1e}"
         yield (
+            each.share,
             f"the mode at {each.hz:.6g} Hz, above the band, has {100 * each.share:.0f} % of the gains from {names}; "
-            f"the error of the static gain is {error}"
+            f"the error of the static gain is {error}",
         )
     if len(high) > _NAMED:
-        yield f"and {len(high) - _NAMED} more"
+        yield 0.0, f"and {len(high) - _NAMED} more"
 
 
-def _zeros(run: Run, system: SystemChecks) -> Iterator[str]:
+def _zeros(run: Run, system: SystemChecks) -> Iterator[tuple[float, str]]:
     for pair in system.zeros or ():
         names = f"{run.scene.actuators[pair.input].name} to {run.scene.sensors[pair.output].name}"
         lost = f", {pair.lost} without a partner" if pair.lost else ""
-        yield f"{pair.shift.size} zeros in the band from {names}, largest shift {pair.worst:.1e}{lost}"
+        size = np.inf if pair.lost else pair.worst
+        yield size, f"{pair.shift.size} zeros in the band from {names}, largest shift {pair.worst:.1e}{lost}"
 
 
-def _steps(run: Run, system: SystemChecks) -> Iterator[str]:
+def _steps(run: Run, system: SystemChecks) -> Iterator[tuple[float, str]]:
     for u, actuator in enumerate(run.scene.actuators if system.step is not None else ()):
         for y, sensor in enumerate(run.scene.sensors):
             assert system.step is not None
             peak, rms = system.step.peak[y, u], system.step.rms[y, u]
-            yield f"step on {actuator.name}, {sensor.name}: error {rms:.1e} rms, {peak:.1e} peak"
+            yield rms, f"step on {actuator.name}, {sensor.name}: error {rms:.1e} rms, {peak:.1e} peak"

@@ -15,7 +15,7 @@ from cmsreduce.assemble import elastic_states
 from cmsreduce.cli import main
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Configuration, ReductionChecks
-from cmsreduce.pipeline import Run
+from cmsreduce.pipeline import Run, inspected
 from cmsreduce.pipeline.store import decode, encode
 from cmsreduce.pipeline.system import AssembledModel, channel_gains
 from cmsreduce.pipeline.system.reduction_health import all_modes, step_compared, unit_loads, zeros_apart
@@ -194,3 +194,14 @@ def test_inspect_of_a_run_directory(finished_study: Path, bad: str) -> None:
     assert said.exit_code == 0, said.stderr
     assert "interface 'tip': " in said.stdout
     assert "zeros in the band from motor to " in said.stdout
+
+
+def test_inspect_of_many_channels_has_the_worst(finished_study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cmsreduce.pipeline.inspection._MOST", 3)
+    facts = json.loads((finished_study / "out" / "summary.json").read_text())
+    pairs = [pair for row in facts["configurations"] for pair in row["checks"]["zeros"]]
+    assert not any(pair["lost"] for pair in pairs)
+    lines = inspected(finished_study / "out").lines
+    shown = [float(line.rpartition(" ")[2]) for line in lines if " zeros in the band from " in line]
+    assert shown == [float(f"{error:.1e}") for error in sorted((pair["error"] for pair in pairs), reverse=True)[:3]]
+    assert any(f"and {len(pairs) - 3} with smaller figures" in line for line in lines)
