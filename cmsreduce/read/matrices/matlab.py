@@ -24,13 +24,14 @@ __all__ = ["MATLAB", "is_hdf5"]
 
 _NUMERIC = {"double", "single", "sparse", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"}
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_DEEPEST = 10  # structs inside one another: links of a damaged file may lead in a circle
 _HDF5_STARTS = (0, 512)  # MATLAB writes its own 512 bytes before the HDF5 part
 
 
 def _matlab_matrices(path: Path) -> list[StoredMatrix]:
     """Full and sparse matrices of a MATLAB file, in structs too; other variables are marked as not usable.
 
-    A matrix in a field has the name ``struct.field``.
+    A matrix in a field has the name ``struct.field``, one in a struct of a struct ``struct.struct.field``.
 
     Raises
     ------
@@ -48,7 +49,7 @@ def _matlab_matrices(path: Path) -> list[StoredMatrix]:
     found = []
     for name, shape, kind in variables:
         if kind == "struct" and shape == (1, 1):
-            found += _fields(path, name)
+            found += _fields(path, name, _variable(path, name)[0, 0])
             continue
         usable = kind in _NUMERIC and len(shape) == 2
         rows, cols = shape if len(shape) == 2 else (0, 0)
@@ -58,14 +59,15 @@ def _matlab_matrices(path: Path) -> list[StoredMatrix]:
     return found
 
 
-def _fields(path: Path, name: str) -> list[StoredMatrix]:
-    """Matrices in the fields of a struct of a level 5 file."""
-    values = _variable(path, name)[0, 0]
+def _fields(path: Path, name: str, values: Any) -> list[StoredMatrix]:
+    """Matrices in the fields of a struct of a level 5 file, and in structs among them."""
     found = []
     for field in values.dtype.names or ():
         array = values[field]
         kind = kind_of(array.dtype)
-        if kind is not None and len(array.shape) == 2 and array.size:
+        if array.dtype.names and array.shape == (1, 1):
+            found += _fields(path, f"{name}.{field}", array[0, 0])
+        elif kind is not None and len(array.shape) == 2 and array.size:
             load = partial(_load, path, f"{name}.{field}")
             found.append(StoredMatrix(f"{name}.{field}", kind, "", (*array.shape, None), load))
     return found
@@ -84,9 +86,11 @@ def _by_scipy(path: Path, what: str, call: Callable[[], Any]) -> Any:
 
 def _load(path: Path, name: str) -> LabelledMatrix:
     """Read a variable of a level 4 or 5 file, or a field of one."""
-    variable, _, field = name.partition(".")
+    variable, *fields = name.split(".")
     value = _variable(path, variable)
-    return from_array(path, name, "mat", value[0, 0][field] if field else value)
+    for field in fields:
+        value = value[0, 0][field]
+    return from_array(path, name, "mat", value)
 
 
 def _variable(path: Path, name: str) -> Any:
@@ -110,36 +114,50 @@ def _hdf5_matrices(path: Path) -> list[StoredMatrix]:
 
     stored = []
     with reading(path, "the HDF5 file"), h5py.File(path, "r") as file:
-        names = [name for name in file if not name.startswith("#")]
-        for name in names:
-            if not isinstance(file.get(name, getlink=True), h5py.HardLink):
-                raise ReadError(f"{path}: variable '{name}' is a link to another place or file, which is not followed")
-        classes = {name: file[name].attrs.get("MATLAB_class") for name in names}
-        if not any(kind is not None for kind in classes.values()):
+        items = _hdf5_items(path, file, "")
+        if not any("MATLAB_class" in item.attrs for item in items.values()):
             raise ReadError(
                 f"{path}: this HDF5 file has no variable of MATLAB; `cmsreduce inspect {path}` says what it is"
             )
-        for name, found in classes.items():
-            kind = found.decode() if isinstance(found, bytes) else str(found)
-            stored.append(_hdf5_stored(path, name, kind, file[name]))
+        for name, item in items.items():
+            stored += _hdf5_stored(path, name, item)
     return stored
 
 
-def _hdf5_stored(path: Path, name: str, kind: str, item: Any) -> StoredMatrix:
-    """A variable of a version 7.3 file: a data set, or a group for a sparse matrix."""
+def _hdf5_items(path: Path, group: Any, struct: str) -> dict[str, Any]:
+    """Variables of a file, or fields of a struct, by their names."""
+    import h5py
+
+    found = {}
+    for name in (name for name in group if not name.startswith("#")):
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            raise ReadError(f"{path}: variable '{name}' is a link to another place or file, which is not followed")
+        found[f"{struct}.{name}" if struct else name] = group[name]
+    return found
+
+
+def _hdf5_stored(path: Path, name: str, item: Any) -> list[StoredMatrix]:
+    """A variable of a version 7.3 file: a data set, a group for a sparse matrix, or one with the fields of a struct."""
+    found = item.attrs.get("MATLAB_class")
+    kind = found.decode() if isinstance(found, bytes) else str(found)
     sparse_rows = item.attrs.get("MATLAB_sparse")
     if sparse_rows is not None:
         _refuse_unstored(path, {f"{name}/{part}": item[part] for part in item})
         columns = int(item["jc"].shape[0]) - 1
         entries = int(item["data"].shape[0]) if "data" in item else 0
         size = (int(sparse_rows), columns, entries)
-        return StoredMatrix(name, "real double", "", size, partial(_load_hdf5_sparse, path, name))
+        return [StoredMatrix(name, "real double", "", size, partial(_load_hdf5_sparse, path, name))]
+    if kind == "struct" and hasattr(item, "keys") and name.count(".") < _DEEPEST:
+        fields = _hdf5_items(path, item, name)
+        inner = [each for field, value in fields.items() for each in _hdf5_stored(path, field, value) if each.usable]
+        if inner:
+            return inner
     shape = tuple(reversed(getattr(item, "shape", ())))
     if kind not in _NUMERIC or len(shape) != 2:
-        return StoredMatrix(name, kind, "", (0, 0, None), partial(_refuse, path, name, kind, shape), usable=False)
+        return [StoredMatrix(name, kind, "", (0, 0, None), partial(_refuse, path, name, kind, shape), usable=False)]
     numbers = "complex double" if item.dtype.names else kind_of(item.dtype) or str(item.dtype)
     _refuse_unstored(path, {name: item})
-    return StoredMatrix(name, numbers, "", (shape[0], shape[1], None), partial(_load_hdf5_dense, path, name))
+    return [StoredMatrix(name, numbers, "", (shape[0], shape[1], None), partial(_load_hdf5_dense, path, name))]
 
 
 def _refuse_unstored(path: Path, datasets: Mapping[str, Any]) -> None:
@@ -160,7 +178,7 @@ def _load_hdf5_dense(path: Path, name: str) -> LabelledMatrix:
     import h5py
 
     with reading(path, f"variable '{name}'"), h5py.File(path, "r") as file:
-        array = _complex(file[name][()].T)
+        array = _complex(file[_inside(name)][()].T)
     return from_array(path, name, "mat", array)
 
 
@@ -169,13 +187,18 @@ def _load_hdf5_sparse(path: Path, name: str) -> LabelledMatrix:
     import h5py
 
     with reading(path, f"variable '{name}'"), h5py.File(path, "r") as file:
-        group = file[name]
+        group = file[_inside(name)]
         starts = _indices(group["jc"])
         # MATLAB writes neither where there are no entries.
         rows = _indices(group["ir"]) if "ir" in group else np.empty(0, dtype=np.int64)
         data = _complex(group["data"][()]) if "data" in group else np.empty(0)
         A = sp.csc_array((data, rows, starts), shape=(int(group.attrs["MATLAB_sparse"]), starts.size - 1))
     return from_array(path, name, "mat", A)
+
+
+def _inside(name: str) -> str:
+    """Place of a variable, or of a field of a struct, in an HDF5 file."""
+    return name.replace(".", "/")
 
 
 def _complex(array: NDArray[Any]) -> NDArray[Any]:

@@ -34,7 +34,15 @@ def write_hdf5(path: Path) -> None:
         empty.attrs["MATLAB_class"] = np.bytes_("double")
         empty.attrs["MATLAB_sparse"] = np.uint64(3)
         empty["jc"] = np.zeros(4, "u8")
-        file.create_group("model").attrs["MATLAB_class"] = np.bytes_("struct")
+        model = file.create_group("model")
+        model.attrs["MATLAB_class"] = np.bytes_("struct")
+        model["self"] = model
+        model.create_dataset("note", data=np.ones((1, 5))).attrs["MATLAB_class"] = np.bytes_("char")
+        body = file.create_group("body")
+        inner = body.create_group("fem")
+        body.attrs["MATLAB_class"] = inner.attrs["MATLAB_class"] = np.bytes_("struct")
+        inner.create_dataset("K", data=K.T).attrs["MATLAB_class"] = np.bytes_("double")
+        inner["S"] = group
         complex_numbers = np.zeros((3, 3), dtype=[("real", "f8"), ("imag", "f8")])
         complex_numbers["real"] = K.T
         file.create_dataset("R", data=complex_numbers).attrs["MATLAB_class"] = np.bytes_("double")
@@ -79,10 +87,10 @@ def test_version_7_3(tmp_path: Path) -> None:
     path = tmp_path / "body.mat"
     write_hdf5(path)
     assert detect_format(path) == "mat"
-    assert sorted(one.name for one in matrix_names(path)) == ["C", "E", "F", "K", "R", "S"]
+    assert sorted(one.name for one in matrix_names(path)) == ["C", "E", "F", "K", "R", "S", "body.fem.K", "body.fem.S"]
     assert np.array_equal(read_matrix(path, "R").A.toarray(), K)
-    assert np.array_equal(read_matrix(path, "K").A.toarray(), K)
-    assert np.array_equal(read_matrix(path, "s").A.toarray(), K)
+    for name in ("K", "s", "body.fem.K", "body.fem.S"):
+        assert np.array_equal(read_matrix(path, name).A.toarray(), K)
     assert read_matrix(path, "E").A.shape == (3, 3)
     assert read_matrix(path, "F").rounding == 2.0**-24
     with pytest.raises(ReadError, match="'C' is complex"):
@@ -150,11 +158,13 @@ def test_matrices_in_a_struct(tmp_path: Path, packed: bool) -> None:
     assert [(one.name, one.rows, one.cols) for one in matrix_names(path)] == [
         ("sys.M", 3, 3),
         ("sys.K", 3, 3),
+        ("sys.inner.K", 3, 3),
         ("B", 3, 1),
     ]
-    assert np.array_equal(read_matrix(path, "sys.K").A.toarray(), K)
+    for name in ("sys.K", "sys.inner.K"):
+        assert np.array_equal(read_matrix(path, name).A.toarray(), K)
     assert np.array_equal(read_matrix(path, "SYS.m").A.toarray(), np.eye(3))
-    with pytest.raises(ReadError, match=r"did you mean sys\.[KM]|it holds sys\.M, sys\.K, B"):
+    with pytest.raises(ReadError, match=r"did you mean sys\.[KM]|it holds sys\.M, sys\.K, sys"):
         read_matrix(path, "sys.X")
 
 
