@@ -96,7 +96,8 @@ def in_terms_of(geometry: Geometry | None, matrix: LabelledMatrix) -> LabelledMa
     """The matrix with the dofs that its labels mean in a geometry.
 
     CalculiX labels rotations as components 1..3 of a number of their own. It numbers the dofs that it adds inside
-    elements after all nodes of the deck; they are scalar. A scalar point of NASTRAN may have 1 as its component.
+    elements after all nodes of the deck; they are scalar. A scalar point of NASTRAN may have 1 as its component, and
+    so may a mode of a superelement: a number without a place, and without another row.
     """
     if geometry is None or matrix.dofs is None:
         return matrix
@@ -104,8 +105,13 @@ def in_terms_of(geometry: Geometry | None, matrix: LabelledMatrix) -> LabelledMa
     if matrix.format == "dmig":
         scalar = [table.node[table.component == SCALAR] for table in geometry.rows.values()]
         component[(component == 1) & np.isin(node, np.concatenate([*scalar, node[:0]]))] = SCALAR
+    if matrix.format != "calculix":
+        numbers, place, count = np.unique(node, return_inverse=True, return_counts=True)
+        placed = geometry.nodes.index(numbers) >= 0
+        if placed.any():
+            component[(component == 1) & ((count == 1) & ~placed)[place]] = SCALAR
         return replace(matrix, dofs=DofTable(node, component))
-    if matrix.format != "calculix" or not len(geometry.nodes):
+    if not len(geometry.nodes):
         return matrix
     for turn, of in geometry.turning.items():
         rows = np.flatnonzero((matrix.dofs.node == turn) & (component > SCALAR) & (component <= _TRANSLATIONS))

@@ -57,8 +57,11 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
     matrices = {path: own for path, (own, _) in found.items()}
     command = f"cmsreduce new {name} STIFFNESS MASS DECK"
     if not any(matrices.values()):
+        reasons = [reason for _, each in found.values() for reason in each]
+        if broken := [reason for reason in reasons if rows is not None and reason.startswith(f"{rows},")]:
+            raise ReadError(broken[0])
         given = ", ".join(f"{path} ({kind.words})" for path, kind in kinds.items())
-        given += "".join(f" (left out: {reason})" for _, reasons in found.values() for reason in reasons)
+        given += "".join(f" (left out: {reason})" for reason in reasons)
         raise ReadError(f"no square matrix in the files given: {given}; name the stiffness and the mass: {command}")
     if len(shapes) < 2:
         every, copies = _each_once(sources)

@@ -221,3 +221,11 @@ def test_names_that_cannot_be(arm: Path) -> None:
     for name in ("a b", "system"):
         with pytest.raises(ConfigError, match=name):
             draft_pipeline(name, [arm / "arm.op4", arm / "arm.bdf"])
+
+
+def test_a_broken_list_of_rows_is_named_alone(arm: Path) -> None:
+    np.savez(arm / "KM.npz", K=np.eye(2), M=np.eye(2))
+    (arm / "KM.rows").write_text("1.1\n1.2\nQ1\n")
+    code, said = typed("new", "body", "KM.npz", "KM.rows")
+    assert code == 2
+    assert said.startswith("error: KM.rows, line 3: 'Q1' is not a dof")

@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError, ReadError
+from cmsreduce.model import SCALAR
 from cmsreduce.read import MatrixSource, matrix_names, read_body, read_matrix
 from tests.frames import frame
 
@@ -20,15 +23,21 @@ MESH = (
 )
 
 
-def condensed() -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness and mass of a frame on its nodes 3, 1 and, without rotations, 4."""
+def full() -> tuple[np.ndarray, np.ndarray]:
     body = frame("frame", XYZ, [(1, 2), (2, 3), (2, 4), (3, 4)])
-    K, M = body.K.toarray(), body.M.toarray()
+    return body.K.toarray(), body.M.toarray()
+
+
+def condensed(modes: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and mass of a frame on its nodes 3, 1 and, without rotations, 4, and in its lowest modes there held."""
+    K, M = full()
     kept = np.r_[12:18, 0:6, 18:21]
     others = np.setdiff1d(np.arange(24), kept)
-    T = np.zeros((24, 15))
-    T[kept] = np.eye(15)
-    T[others] = -la.solve(K[np.ix_(others, others)], K[np.ix_(others, kept)])
+    inside = np.ix_(others, others)
+    T = np.zeros((24, 15 + modes))
+    T[kept, :15] = np.eye(15)
+    T[others, :15] = -la.solve(K[inside], K[np.ix_(others, kept)])
+    T[others, 15:] = la.eigh(K[inside], M[inside])[1][:, :modes]
     return T.T @ K @ T, T.T @ M @ T
 
 
@@ -72,6 +81,27 @@ def test_rows_are_proven_by_the_mesh(tmp_path: Path) -> None:
     path.write_text(text(K, M, (1, 3, 4)))
     with pytest.raises(DofMapError, match="row order of the stiffness matrix"):
         read_body("x", stiffness=sources[0], mass=sources[1], geometry=tmp_path / "mesh.inp")
+
+
+@pytest.mark.parametrize("component", ["1", "UX", "0"])
+def test_modes_are_numbers_without_a_place(tmp_path: Path, component: str) -> None:
+    """All nine modes: the superelement is the frame in other coordinates, and has its frequencies."""
+    K, M = condensed(9)
+    (tmp_path / "mesh.inp").write_text(MESH)
+    scipy.io.mmwrite(tmp_path / "K.mtx", sp.coo_array(K), precision=17)
+    scipy.io.mmwrite(tmp_path / "M.mtx", sp.coo_array(M), precision=17)
+    dofs = [f"{n}.{c}" for n, last in zip(NODES, (6, 6, 3), strict=True) for c in range(1, last + 1)]
+    modes = [f"{101 + k}{' ' if component == 'UX' else '.'}{component}" for k in range(9)]
+    (tmp_path / "rows.txt").write_text("\n".join([*dofs, *modes]) + "\n")
+    body = read_body(
+        "x",
+        stiffness=MatrixSource(tmp_path / "K.mtx"),
+        mass=MatrixSource(tmp_path / "M.mtx"),
+        geometry=tmp_path / "mesh.inp",
+        rows=tmp_path / "rows.txt",
+    )
+    assert (body.dofs.component[-9:] == SCALAR).all()
+    np.testing.assert_allclose(la.eigvalsh(body.K.toarray(), body.M.toarray())[6:], la.eigvalsh(*full())[6:], rtol=1e-8)
 
 
 def test_calculix_lists_a_node_for_each_dof(tmp_path: Path) -> None:
