@@ -214,8 +214,10 @@ def hdf5_file(path: Path, large: Mapping[str, NDArray[Any]] | None = None) -> It
     """
     import h5py
 
-    # Composed in memory, because the HDF5 library aborts the process if the disk becomes full.
-    with h5py.File(path.name, "w", driver="core", backing_store=False, libver="v110") as file:
+    # Composed in memory, because the HDF5 library aborts the process if the disk becomes full. The library takes two
+    # files of one name for one.
+    name = f"{path.name}-{secrets.token_hex(4)}"
+    with h5py.File(name, "w", driver="core", backing_store=False, libver="v110") as file:
         yield file
         file.flush()
         image = file.id.get_file_image()

@@ -8,15 +8,16 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import h5py
 import pytest
 
 from cmsreduce.errors import WriteError
-from cmsreduce.write import atomic_path
+from cmsreduce.write import atomic_path, hdf5_file
 
 ENDLESS = """
 import sys, time
 from pathlib import Path
-from cmsreduce.write import atomic_path
+from cmsreduce.write import atomic_path, hdf5_file
 with atomic_path(Path(sys.argv[1])) as temporary:
     temporary.write_text("half")
     print("ready", flush=True)
@@ -198,3 +199,12 @@ def test_a_disk_that_is_full_is_said_clearly(tmp_path, limit, says):
     assert says in answers.get(timeout=60)
     child.join()
     assert names(tmp_path) == (["system.h5"] if says == "written" else [])
+
+
+def test_two_hdf5_files_of_one_name_at_once(tmp_path):
+    """Runs in threads write stages of equal names into their folders."""
+    with hdf5_file(tmp_path / "a" / "x.h5") as one, hdf5_file(tmp_path / "b" / "x.h5") as other:
+        one["K"], other["K"] = [1.0], [2.0]
+    for folder, value in (("a", 1.0), ("b", 2.0)):
+        with h5py.File(tmp_path / folder / "x.h5") as file:
+            assert file["K"][0] == value
