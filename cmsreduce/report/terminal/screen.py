@@ -31,6 +31,8 @@ __all__ = ["print_screen", "print_verdict"]
 _NOTES = 3
 # Letters of a line on the screen before it is cut.
 _LONG = 230
+# Columns of the table of bodies: the mass, those that are left out where the screen is narrow, and what parts two.
+_MASS, _LEFT_OUT, _GAP = 4, (1, 6), 3
 _STATES = {"FAIL": "red", "trusted": "yellow", "unproven": "yellow"}
 _COLOURS = {"PASS": "bold green", "FAIL": "bold red", "not checked": "bold yellow"}
 
@@ -51,7 +53,7 @@ def print_screen(run: RunResult, folder: Path, console: Console, made: Sequence[
     """
     print_verdict(run, console, short=True)
     if run.components:
-        console.print(_bodies(run))
+        console.print(_bodies(run, console))
     if run.configurations:
         console.print()
         console.print(_errors(run))
@@ -114,9 +116,12 @@ def _merged(run: RunResult) -> Iterator[tuple[str, str]]:
         yield from of_system
 
 
-def _bodies(run: RunResult) -> Table:
-    """Body, dofs, modes kept, and the figures that a user compares with the finite-element program's."""
-    rows = []
+def _bodies(run: RunResult, console: Console) -> Table:
+    """Body, dofs, modes kept, and the figures that a user compares with the finite-element program's.
+
+    Columns that do not fit on the console are left out, the method first; figures are not folded.
+    """
+    rows: list[list[str]] = []
     for name, part in run.components.items():
         elastic = part.modes.frequencies_hz[part.modes.elastic]
         mass = next((each.words for each in part.health if each.key == ("mass_properties", "geometry", "mass")), "")
@@ -128,10 +133,22 @@ def _bodies(run: RunResult) -> Table:
         rows.append([name, part.modes.method, str(part.full_dofs), kept, mass, first, highest, checks])
     units = str(run.settings.get("scene", {}).get("units", "")).split("-")
     mass_head = f"mass, {units[1]}" if len(units) == len(("length", "mass", "time")) else "mass"
-    counts, hertz = ("dofs", "modes kept"), ("first mode", "highest kept", "checks")
+    heads = ("body", "method", "dofs", "modes kept", mass_head, "first mode", "highest kept", "checks")
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     # A mass that differs by axis is a sentence: it is folded, between words, before any name is.
-    columns = (words("body"), words("method", no_wrap=True), *map(figures, counts), words(mass_head, justify="right"))
-    return table((*columns, *map(figures, hertz)), rows, edges=False)
+    widths[_MASS] = max(len(word) for row in (heads, *rows) for word in row[_MASS].split() or [""])
+    columns = [
+        words("body"),
+        words("method", no_wrap=True),
+        *map(figures, heads[2:_MASS]),
+        words(mass_head, justify="right", min_width=widths[_MASS]),
+        *map(figures, heads[_MASS + 1 :]),
+    ]
+    shown = list(range(len(heads)))
+    for narrower in _LEFT_OUT:
+        if sum(widths[k] + _GAP for k in shown) - _GAP > console.width:
+            shown.remove(narrower)
+    return table([columns[k] for k in shown], [[row[k] for k in shown] for row in rows], edges=False)
 
 
 def _errors(run: RunResult) -> Table:

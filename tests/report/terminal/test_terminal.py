@@ -113,3 +113,14 @@ def test_a_broken_limit_ends_with_what_to_try(make_run, tmp_path: Path) -> None:
     text = printed(make_run(limits={"db_error": 0.1}), tmp_path, verbose=False)
     assert "next: 1 mode of the mode sets was left out: `balance: {keep: limits}`" in text
     assert "next:" not in printed(make_run(), tmp_path, verbose=False)
+
+
+@pytest.mark.parametrize(("width", "heads"), [(75, 6), (95, 7), (120, 8)])
+def test_names_and_figures_of_bodies_are_whole_on_narrow_screens(
+    make_run, tmp_path: Path, width: int, heads: int
+) -> None:
+    text = printed(make_run(bodies=("boom_of_the_antenna",)), tmp_path, width=width, verbose=False)
+    head, _, row = text[text.index("\nbody ") + 1 :].splitlines()[:3]
+    assert len(re.split(r"  +", head.strip())) == heads
+    assert row.startswith("boom_of_the_antenna ") and row.endswith("PASS") and len(row) <= width
+    assert "…" not in head + row
