@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cmsreduce.model import RunResult
 from cmsreduce.report.next_steps import next_steps
 from cmsreduce.report.terminal.output import print_line
-from cmsreduce.report.terminal.tables import figures, table, words
+from cmsreduce.report.terminal.tables import figures, narrowed, table, words
 from cmsreduce.report.verdict import meaning, verdict_lines
 from cmsreduce.report.wording import (
     channels_left_out,
@@ -31,8 +31,8 @@ __all__ = ["print_screen", "print_verdict"]
 _NOTES = 3
 # Letters of a line on the screen before it is cut.
 _LONG = 230
-# Columns of the table of bodies: the mass, those that are left out where the screen is narrow, and what parts two.
-_MASS, _LEFT_OUT, _GAP = 4, (1, 6), 3
+# Columns of the table of bodies: the mass, and those that are left out where the screen is narrow.
+_MASS, _LEFT_OUT = 4, (1, 6)
 _STATES = {"FAIL": "red", "trusted": "yellow", "unproven": "yellow"}
 _COLOURS = {"PASS": "bold green", "FAIL": "bold red", "not checked": "bold yellow"}
 
@@ -134,21 +134,16 @@ def _bodies(run: RunResult, console: Console) -> Table:
     units = str(run.settings.get("scene", {}).get("units", "")).split("-")
     mass_head = f"mass, {units[1]}" if len(units) == len(("length", "mass", "time")) else "mass"
     heads = ("body", "method", "dofs", "modes kept", mass_head, "first mode", "highest kept", "checks")
-    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     # A mass that differs by axis is a sentence: it is folded, between words, before any name is.
-    widths[_MASS] = max(len(word) for row in (heads, *rows) for word in row[_MASS].split() or [""])
+    longest = max(len(word) for row in (heads, *rows) for word in row[_MASS].split() or [""])
     columns = [
         words("body"),
         words("method", no_wrap=True),
         *map(figures, heads[2:_MASS]),
-        words(mass_head, justify="right", min_width=widths[_MASS]),
+        words(mass_head, justify="right", min_width=longest),
         *map(figures, heads[_MASS + 1 :]),
     ]
-    shown = list(range(len(heads)))
-    for narrower in _LEFT_OUT:
-        if sum(widths[k] + _GAP for k in shown) - _GAP > console.width:
-            shown.remove(narrower)
-    return table([columns[k] for k in shown], [[row[k] for k in shown] for row in rows], edges=False)
+    return table(*narrowed(columns, rows, console.width, _LEFT_OUT), edges=False)
 
 
 def _errors(run: RunResult) -> Table:

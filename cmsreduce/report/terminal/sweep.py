@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from cmsreduce.model import SweepResult, SweepRow, short_keys
 from cmsreduce.report.pareto import WALL_NOISE, trades
 from cmsreduce.report.terminal.output import print_line, standard_console
-from cmsreduce.report.terminal.tables import figures, table, words
+from cmsreduce.report.terminal.tables import figures, narrowed, table, words
 from cmsreduce.report.wording import FIGURES, number, plural, seconds
 
 if TYPE_CHECKING:
@@ -24,8 +24,10 @@ SWEEP_WIDTH = 160
 """Columns where there is no terminal."""
 
 _SHOWN = tuple(each for each in FIGURES if each.name in ("frf_error", "db_error", "frequency_error"))
-# Columns of a swept key's value before it is folded.
-_WIDEST = 32
+# Columns that are left out where the screen is narrow, from the last key on: times, frequency error, size, operations.
+_LEFT_OUT = (7, 6, 5, 2, 8, 4)
+# Columns of a swept key's value, and of its name, before they are folded.
+_WIDEST, _HEAD = 32, 8
 _VERDICTS = {"passed": "PASS", "limit broken": "FAIL", "not checked": "not checked", "failed": "failed"}
 
 
@@ -61,7 +63,8 @@ def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | No
         )
         for row in sweep.rows
     ]
-    console.print(table((figures(), *keys, *map(figures, heads)), rows))
+    shown = narrowed((figures(), *keys, *map(figures, heads)), rows, console.width, (len(keys) + k for k in _LEFT_OUT))
+    console.print(table(*shown))
     failed = [row for row in sweep.rows if row.status == "failed"]
     for message in dict.fromkeys(row.message for row in failed):
         points = [row.point for row in failed if row.message == message]
@@ -86,7 +89,7 @@ def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | No
 
 def _key_column(key: str, values: Sequence[str]) -> Column:
     widest = min(max(len(value) for value in values), _WIDEST)
-    return words(key, min_width=widest, max_width=max(widest, len(key)))
+    return words(key, min_width=max(widest, min(len(key), _HEAD)), max_width=max(widest, len(key)))
 
 
 def _best(sweep: SweepResult) -> set[int]:

@@ -43,6 +43,8 @@ RANKINGS_WIDTH = 150
 """Columns of the widest table of rankings; a narrower terminal wraps it and loses nothing."""
 
 # Width of a name before figures in columns.
+# Blanks between two columns, and before and after the rows of a table with edges.
+_GAP = 3
 _NAME_WIDTH = 44
 # Colours of verdicts.
 _VERDICTS = {"pass": "green", "PASS": "green", "FAIL": "bold red", "info": "dim"}
@@ -102,6 +104,34 @@ def table(
         else:
             made.add_section()
     return made
+
+
+def narrowed(
+    columns: Sequence[Column], rows: Sequence[Sequence[str]], width: int, left_out: Iterable[int]
+) -> tuple[list[Column], list[list[str]]]:
+    """Columns and rows of a table, without some columns if they do not fit side by side.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        One that has a least width may be folded to it.
+    rows : sequence of sequence of str
+        Cells.
+    width : int
+        Letters of a line.
+    left_out : iterable of int
+        Columns to do without, the first one first.
+    """
+    cells = zip(*(([""] * len(columns)), *rows), strict=True)
+    widths = [
+        column.min_width or max(map(len, (str(column.header), *texts)))
+        for column, texts in zip(columns, cells, strict=True)
+    ]
+    shown = list(range(len(columns)))
+    for k in left_out:
+        if sum(widths[j] + _GAP for j in shown) > width + 1:
+            shown.remove(k)
+    return [columns[k] for k in shown], [[row[k] for k in shown] for row in rows]
 
 
 @dataclass(frozen=True)

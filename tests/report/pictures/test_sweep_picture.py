@@ -66,6 +66,14 @@ def test_no_errors_no_picture(tmp_path: Path) -> None:
         sweep_page(failed)
 
 
+def test_figures_of_the_table_are_whole_on_a_narrow_screen() -> None:
+    said = io.StringIO()
+    print_sweep(made_sweep(), [], Console(file=said, width=100))
+    rows = [line for line in said.getvalue().splitlines() if re.match(r"\s*\*? *\d ", line)]
+    assert rows[2].split()[1:] == ["3", "craig-bampton", "4", "14", "20", "0.1", "%", "0.01", "dB", "4000000", "PASS"]
+    assert "…" not in said.getvalue() and max(map(len, rows)) <= 100
+
+
 def test_the_table_says_what_came_of_every_point(tmp_path: Path) -> None:
     said = io.StringIO()
     print_sweep(made_sweep(), [tmp_path / "sweep.csv"], Console(file=said, width=160))
