@@ -31,7 +31,7 @@ def found_in(value: object) -> str:
     return "a mapping" if isinstance(value, Mapping) else "a list"
 
 
-def instead_of(value: object, example: str, unit: bool) -> str:
+def instead_of(value: object, example: str, unit: bool, whole: bool = False) -> str:
     """What to write instead of a value that is no number, from a comma on.
 
     Parameters
@@ -42,13 +42,15 @@ def instead_of(value: object, example: str, unit: bool) -> str:
         A value that is right, or an empty text.
     unit : bool
         True where a number may have a unit.
+    whole : bool
+        True where it is a whole number.
 
     Examples
     --------
     >>> instead_of("1,5 Hz", "10 Hz", unit=True)
     ', which has a point, not a comma: 1.5 Hz'
     """
-    if isinstance(value, str) and (comma := _COMMA.fullmatch(value)):
+    if isinstance(value, str) and not whole and (comma := _COMMA.fullmatch(value)):
         return f", which has a point, not a comma: {comma[1].strip()}.{comma[2].strip()}"
     if isinstance(value, str) and _NUMBER.fullmatch(value):
         return f", without quotes: {value.strip()}"

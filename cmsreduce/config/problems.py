@@ -239,9 +239,8 @@ def _wording(errors: Sequence[ErrorDetails], grammar: type[Keys]) -> str:
     # A number is in the units that the file states for the scene or the body.
     numeric = {each["type"] for each in errors} & {"float_type", "int_type"}
     example = "" if choices else _example(error["loc"], grammar)
-    return (
-        f"found {found}{guess} expected {wanted}{instead_of(error['input'] if numeric else None, example, unit=False)}"
-    )
+    step = instead_of(error["input"] if numeric else None, example, unit=False, whole="float_type" not in numeric)
+    return f"found {found}{guess} expected {wanted}{step}"
 
 
 def _choices(error: ErrorDetails) -> list[str]:

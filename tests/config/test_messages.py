@@ -167,6 +167,8 @@ MISTAKES = {
         "mass: 120.0", "mass: '1,5'", 0,
         "found the text '1,5', expected a number, which has a point, not a comma: 1.5"),
     "decimal comma of a frequency": ("band: 10 Hz", "band: 1,5", 0, "which has a point, not a comma: 1.5"),
+    "decimal comma of a whole number": (
+        "{node: 1001}", "{node: '1,5'}", 0, "found the text '1,5', expected a whole number without a unit, e.g. 1001"),
     "number in quotes": ("mass: 120.0", "mass: '120'", 0, "expected a number, without quotes: 120"),
     "unit of another kind": ("band: 10 Hz", "band: 10 kg", 0, "'10 kg' is not a frequency, e.g. 10 Hz"),
     "mass of a rigid body outside of it": (

@@ -187,7 +187,8 @@ def _resolve(value: object) -> Path:
     if isinstance(value, Path):
         return value
     if not isinstance(value, str) or not value:
-        rigid = "; numbers of a rigid body stand under `rigid`" if isinstance(value, (int, float)) else ""
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        rigid = "; numbers of a rigid body stand under `rigid`" if number else ""
         raise ValueError(f"a file name is expected, found {found_in(value) if value != '' else 'an empty text'}{rigid}")
     path = Path(value).expanduser()
     if not isinstance(value, Text):

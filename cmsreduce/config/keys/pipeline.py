@@ -112,7 +112,6 @@ class Pipeline(Keys):
     removed: ClassVar[Mapping[str, str]] = NO_PARTS
     other_words: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("bodies", "models"), "components"),
-        **dict.fromkeys(("tolerance", "tolerances"), "verify"),
         **dict.fromkeys(("out", "results"), "output"),
     }
 
