@@ -92,7 +92,12 @@ CASES = {
     # Values and units.
     "number in words": typed(36, "cutoff: 15", "cutoff: fifteen", "'fifteen'", "number"),
     "cutoff in hertz": typed(
-        36, "cutoff: 15", "cutoff: 900 Hz", "'900 Hz'", "number, e.g. 2.0", "multiples of the upper end of scene.band"
+        36,
+        "cutoff: 15",
+        "cutoff: 900 Hz",
+        "'900 Hz'",
+        "number without a unit, e.g. 2.0",
+        "multiples of the upper end of scene.band",
     ),
     "cutoff of nothing": typed(36, "cutoff: 15", "cutoff: 0", "above 0"),
     "cutoff below zero": typed(36, "cutoff: 15", "cutoff: -2", "above 0"),
