@@ -157,6 +157,8 @@ def _similar(path: Path) -> str:
     """Suggest a file of the same folder with a similar name; of a link, where it leads."""
     if path.is_symlink():
         return f"; the link names {path.readlink()}"
+    if "\\" in path.name:
+        return "; it is a path of Windows: write it with /"
     folder = path.parent
     beside = [file.name for file in folder.iterdir()] if folder.is_dir() else []
     meant = closest(path.name, beside)

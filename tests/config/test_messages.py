@@ -7,7 +7,7 @@ import pytest
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.config.keys import Keys
-from cmsreduce.errors import ConfigError
+from cmsreduce.errors import ConfigError, ReadError
 
 # What is replaced in the pipeline, by what, how many lines off the message stands, and words of it.
 MISTAKES = {
@@ -268,6 +268,14 @@ def test_mistake_in_an_included_file(galileo):
     where, _, message = str(refused.value).partition(": ")
     assert where.endswith("default.yaml:4")
     assert message.startswith("key 'verify.limits.db_eror' is unknown: did you mean 'db_error'?")
+
+
+def test_an_included_file_by_a_path_of_windows(edited):
+    path = edited("include: [../configs/default.yaml]", r"include: ['..\configs\default.yaml']")
+    with pytest.raises(
+        ReadError, match=r"galileo\.yaml:3: key 'include': .*; it is a path of Windows: write it with /"
+    ):
+        load_pipeline(path)
 
 
 def test_all_mistakes_are_listed_in_order_a_line_each(edited):
