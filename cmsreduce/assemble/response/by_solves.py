@@ -247,8 +247,9 @@ class SparseSolves(ByRows):
         effort along other motions than those prepared is meant.
         """
         model, here = self._seeing, self.here
-        meant = np.asarray(np.delete(right, here[self.loaded], axis=1).any(axis=1))
-        if not meant.any():
+        sees, meant = (np.asarray(np.delete(side, here[self.loaded], axis=1).any(axis=1)) for side in (left, right))
+        if not (sees.any() and meant.any()):
+            # What the model knows of one end it knows of the other: it is symmetric.
             return np.zeros((len(left), len(right)))
         known = {row.tobytes() for row in left}
         if model is None or model.beyond is None or not all(row.tobytes() in known for row in right[meant]):

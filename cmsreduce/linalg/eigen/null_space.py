@@ -90,7 +90,8 @@ def row_basis(A: Array) -> Array:
     if A.shape[0] == 0 or norms.max() == 0:
         return np.empty((0, A.shape[0]))
     scale = np.where(norms > DEPENDENT * norms.max(), 1 / np.where(norms > 0, norms, 1.0), 0.0)
-    u, s, _ = svd(A * scale[:, None], full_matrices=False)
+    # Joints reach few coordinates of an unreduced body.
+    u, s, _ = svd((A * scale[:, None])[:, A.any(axis=0)], full_matrices=False)
     if s.size == A.shape[0] and s[-1] > DEPENDENT * s[0]:
         return np.diag(scale)
     return (u[:, s > DEPENDENT * s.max()] * scale[:, None]).T

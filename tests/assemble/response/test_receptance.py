@@ -106,6 +106,12 @@ def test_a_body_of_many_sensors_has_shapes_for_the_forces_alone(damping, monkeyp
     assert asked == [2]
     assert ratio.min() > 0.5
     assert ratio.max() < 2
+    # At motions with forces, such as those of joints, the response to efforts along the others has all digits.
+    across = np.zeros((2, 9, OMEGA.size), dtype=complex)
+    of.add(across, right, some, OMEGA)
+    assert asked == [2]
+    wanted = expected[:, loaded, 5:50:5].transpose(1, 2, 0)
+    assert (abs(across - wanted) < 1e-6 * size[loaded][:, None] * size[5:50:5]).all()
     # Forces along motions that were not announced, seen elsewhere, measure nothing: they are exact.
     exact = np.zeros((len(L) - 1, 1, OMEGA.size), dtype=complex)
     of.add(exact, left[1:], left[[0]], OMEGA)
