@@ -80,7 +80,7 @@ class JointKeys(Keys):
     inertia: Figures = Field(
         default={},
         description="Moments of inertia of the joint itself about free axes, such as that of a motor's rotor. They "
-        "turn with the first interface and are not in the mass of a body.",
+        "turn with the first interface, so name the rotor's side first, and are not in the mass of a body.",
         examples=[{"rz": "1e-3 kg*m^2"}],
     )
 
