@@ -73,9 +73,9 @@ def stability_margin(full: Complex, reduced: Complex, K: Complex) -> tuple[Array
     Returns
     -------
     spillover : (f,) float64
-        sigma_max(dG K): the part of the loop gain from the modes left out.
+        sigma_max(dG K), or sigma_max(K dG): the part of the loop gain from the modes left out.
     borne : (f,) float64
-        sigma_min(I + G_R K): distance of the reduced loop from instability.
+        sigma_min(I + G_R K), or sigma_min(I + K G_R): distance of the reduced loop from instability.
 
     Raises
     ------
@@ -85,14 +85,23 @@ def stability_margin(full: Complex, reduced: Complex, K: Complex) -> tuple[Array
     Notes
     -----
     Sufficient, by the small gain theorem: if the reduced loop is stable, G and G_R have the same unstable poles, and
-    sigma_max(dG K) < sigma_min(I + G_R K) at all frequencies, the loop with G is stable. The check covers the
-    frequencies of the grid only.
+    sigma_max(dG K) < sigma_min(I + G_R K) at all frequencies, the loop with G is stable. So it is if the loop is cut at
+    the actuators, sigma_max(K dG) < sigma_min(I + K G_R): at each frequency the side with the smaller quotient is
+    given, of the sensors and actuators that the controller uses. The check covers the frequencies of the grid only.
     """
     if K.shape[1:] != (full.shape[2], full.shape[1]):
         raise MatrixError(
             f"controller: it has {K.shape[2]} inputs and {K.shape[1]} outputs, but there are {full.shape[1]} sensors "
             f"and {full.shape[2]} actuators"
         )
-    loop = np.eye(full.shape[1]) + reduced @ K
-    spillover = np.linalg.svd((full - reduced) @ K, compute_uv=False)[:, 0]
-    return np.asarray(spillover), np.asarray(np.linalg.svd(loop, compute_uv=False)[:, -1])
+    if K.any():
+        # Sensors and actuators that the controller does not use change no root.
+        seen, acting = np.flatnonzero(K.any(axis=(0, 1))), np.flatnonzero(K.any(axis=(0, 2)))
+        full, reduced, K = full[:, seen][:, :, acting], reduced[:, seen][:, :, acting], K[:, acting][:, :, seen]
+    dG = full - reduced
+    sides = [(dG @ K, reduced @ K), (K @ dG, K @ reduced)]
+    spillover = np.array([np.linalg.svd(part, compute_uv=False)[:, 0] for part, _ in sides])
+    borne = np.array([np.linalg.svd(np.eye(loop.shape[1]) + loop, compute_uv=False)[:, -1] for _, loop in sides])
+    # Where the loop is cut at the actuators, sensors may have unlike units, as angles and rates.
+    at_actuators = spillover[1] * borne[0] < spillover[0] * borne[1]
+    return np.where(at_actuators, *spillover[::-1]), np.where(at_actuators, *borne[::-1])

@@ -63,6 +63,20 @@ def test_the_margin_by_hand():
     assert spillover[0] / borne[0] == pytest.approx(abs((0.1 + 0.1j) * (2 - 1j)) / abs(1 + (0.4 + 0.1j) * (2 - 1j)))
 
 
+@pytest.mark.parametrize("rate", [1.0, 1e3, 1e-3])
+def test_a_motor_that_follows_angle_and_rate_is_judged_by_its_torque(rate):
+    """|K dG| / |1 + K G_R|, whatever the unit of the rate, and whatever the other sensor measures."""
+    s, unit = 2j * np.pi * HZ, np.array([1.0, rate, 50.0])
+    G, G_r = (response(modes)[:, 0, 0] for modes in (2, 1))
+    full, reduced = (np.stack([g / s, g, 7 * g], axis=1)[:, :, None] * unit[:, None] for g in (G, G_r))
+    K = np.broadcast_to(np.array([40.0, 3.0, 0.0]) / unit, (HZ.size, 1, 3))
+    spillover, borne = stability_margin(full, reduced, K)
+    k = 40 / s + 3
+    by_torque = abs((G - G_r) * k) / abs(1 + G_r * k)
+    assert (spillover / borne <= by_torque * (1 + 1e-9)).all()
+    assert (spillover / borne).max() == pytest.approx(by_torque.max(), rel=1e-9)
+
+
 def test_what_does_not_fit_is_refused():
     A, B, C, D = controller(1.0)
     with pytest.raises(MatrixError, match="do not fit together"):

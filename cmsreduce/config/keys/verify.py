@@ -121,7 +121,8 @@ class LimitKeys(Keys):
     )
     controller_ratio: Positive | None = Field(
         default=None,
-        description="sigma_max(dG K) / sigma_min(I + G_R K) of scene.controller; just below 1 without this key.",
+        description="sigma_max(dG K) / sigma_min(I + G_R K) of scene.controller, or that of K dG and K G_R where it is "
+        "less; just below 1 without this key.",
         examples=[0.5],
     )
 

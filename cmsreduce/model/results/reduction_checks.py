@@ -212,7 +212,7 @@ class ControllerMargin:
     configuration : str
         Name of the configuration.
     frequency_hz, spillover, borne : (f,) float64
-        sigma_max(dG K) and sigma_min(I + G_R K) over the band.
+        sigma_max(dG K) and sigma_min(I + G_R K) over the band, or those of K dG and K G_R (`stability_margin`).
     unstable : int, optional
         Number of growing roots of the reduced loop; None where it has no real state space.
     loops : ((f,), (f,)) complex128, optional

@@ -115,8 +115,8 @@ const Checks = (() => {
       marker: { symbol: "diamond", size: 12, color: COLOURS[1], line: { width: 1, color: styles.ink } }, ...more });
     const one = level(1, "no proof above 1", "y2");
     draw("controller-margin", [
-      curve(borne, "margin of the reduced loop, σmin(I + G<sub>R</sub>K)", line(styles.full)),
-      curve(spillover, "spillover of the modes left out, σmax(ΔG K)", { color: COLOURS[0], width: 2, dash: "dash" }),
+      curve(borne, "margin of the reduced loop", line(styles.full)),
+      curve(spillover, "spillover of the modes left out", { color: COLOURS[0], width: 2, dash: "dash" }),
       mark(spillover),
       curve(ratio, "quotient", { color: COLOURS[0], width: 2 }, { yaxis: "y2", showlegend: false }),
       mark(ratio, { yaxis: "y2", showlegend: false }),
