@@ -51,7 +51,7 @@ from cmsreduce.model.mapped_array import (
     mapped_values,
     shapes_beside,
 )
-from cmsreduce.model.mode_set import ModeBlock, ModeCertificate, ModeKind, ModeSet
+from cmsreduce.model.mode_set import REPEATED, ModeBlock, ModeCertificate, ModeKind, ModeSet, repeated_groups
 from cmsreduce.model.multibody_scene import MultibodyScene, SceneBody, SceneJoint
 from cmsreduce.model.parameters import (
     Letter,
@@ -142,6 +142,7 @@ __all__ = [
     "Recovery",
     "ReducedComponent",
     "RigidBody",
+    "REPEATED",
     "SCALAR",
     "SI",
     "SINGLE",
@@ -184,6 +185,7 @@ __all__ = [
     "last_digits",
     "pattern_errors",
     "recovery_in_units",
+    "repeated_groups",
     "rigid_body_shapes",
     "rigid_in_units",
     "rounding_of_values",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DampingError
+from cmsreduce.model.mode_set import repeated_groups
 
 __all__ = ["Damping"]
 
@@ -25,7 +26,8 @@ class Damping:
     table : tuple of (frequency in Hz, ratio), optional
         Damping ratio against frequency, interpolated linearly, held constant outside.
     per_mode : tuple of float, optional
-        Damping ratio of each elastic mode in order of frequency; the last one is used for all later modes.
+        Damping ratio of each elastic mode in order of frequency; the last one is used for all later modes. Modes of one
+        repeated frequency have the mean of theirs.
     rayleigh : (alpha, beta), optional
         D = alpha M + beta K; alpha in 1/s, beta in s.
     structural : float, optional
@@ -109,7 +111,10 @@ class Damping:
             return np.asarray(np.interp(w / (2 * np.pi), frequency, ratio))
         if self.per_mode is not None:
             given = np.array(self.per_mode)
-            return np.asarray(given[np.minimum(np.arange(w.size), given.size - 1)])
+            stated = given[np.minimum(np.arange(w.size), given.size - 1)]
+            # Shapes of a repeated mode are any basis of one space: no basis changes the mean alone.
+            group = repeated_groups(w)
+            return np.asarray((np.bincount(group, stated) / np.bincount(group))[group])
         if self.rayleigh is not None:
             alpha, beta = self.rayleigh
             return alpha / (2 * w) + beta * w / 2

@@ -30,6 +30,12 @@ def test_ratios(law, ratios, on_modes):
     assert damping.scaled(5.0).law == damping.law
 
 
+def test_ratios_of_a_repeated_mode_do_not_depend_on_its_shapes():
+    # 1 % and 3 % of two shapes of one space: in another basis shares of each; their sum stays.
+    ratios = Damping(per_mode=(0.01, 0.03, 0.05)).ratios(np.array([5.0, 5.0 * (1 + 1e-12), 5.0001]))
+    np.testing.assert_allclose(ratios, [0.02, 0.02, 0.05], rtol=1e-13)
+
+
 @pytest.mark.parametrize(
     ("law", "message"),
     [

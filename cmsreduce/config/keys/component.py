@@ -96,7 +96,8 @@ class DampingKeys(Keys):
     )
     per_mode: tuple[Ratio, ...] | None = Field(
         default=None,
-        description="Damping ratio of each elastic mode in order of frequency; the last one holds for the rest.",
+        description="Damping ratio of each elastic mode in order of frequency; the last one holds for the rest. Modes "
+        "of one frequency have the mean of theirs.",
         examples=[[0.01, 0.01, 0.005]],
     )
     rayleigh: RayleighKeys | None = Field(

@@ -1,4 +1,4 @@
-"""Eigenpairs of small dense symmetric pencils, accurate at both ends of the spectrum, and groups of repeated modes."""
+"""Eigenpairs of small dense symmetric pencils, accurate at both ends of the spectrum."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import absolute_product
-from cmsreduce.model import Matrix
+from cmsreduce.model import REPEATED, Matrix, repeated_groups
 
 __all__ = [
     "REPEATED",
@@ -29,8 +29,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-REPEATED = 1e-6
-"""Frequencies this close, relative to them, belong to one repeated mode: a mesh is no closer to a symmetry."""
 # A first-order step is used where it rotates two modes by less than this. Closer modes form a cluster, which is solved
 # as a small pencil of its own.
 _TRUSTED = 1e-4
@@ -300,33 +298,6 @@ def strain_pairs(K: Array, parts: Array) -> tuple[Array, Array]:
 
 def _limit(rounding: float) -> float:
     return max(_LEFT_BY_ARITHMETIC * float(np.finfo(float).eps), _LEFT_BY_FILE * rounding)
-
-
-def repeated_groups(omega: Array) -> NDArray[np.int64]:
-    """Number the groups of repeated frequencies.
-
-    Modes of one group span one subspace, in which any rotation is as good.
-
-    Parameters
-    ----------
-    omega : (e,) float64
-        Frequencies.
-
-    Returns
-    -------
-    (e,) int64
-        Group of each mode, counted from 0 in order of frequency; a mode by itself is a group of one.
-
-    Examples
-    --------
-    >>> repeated_groups(np.array([1.0, 2.0, 2.0 + 1e-9, 3.0])).tolist()
-    [0, 1, 1, 2]
-    """
-    order = np.argsort(omega, kind="stable")
-    w = omega[order]
-    group = np.zeros(omega.size, dtype=np.int64)
-    group[order[1:]] = np.cumsum(w[1:] > w[:-1] * (1 + REPEATED))
-    return group
 
 
 def orthonormal(X: Array, G: Array) -> Array:
