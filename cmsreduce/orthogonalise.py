@@ -38,7 +38,6 @@ Array = NDArray[np.float64]
 
 ORTHOGONAL = 1e-10
 """Modes are orthonormal to this share of their norms in M and in K."""
-
 STATIC = "static: carries no mass"
 """Reason why a static mode is kept."""
 
@@ -48,8 +47,7 @@ _HIDDEN = 4.0 / ORTHOGONAL
 # Stiffness between a rigid and an elastic mode that is taken out, in the measure of `orthogonality_errors`: less may be
 # rounding of K, which would bend an exact motion; more is an error of the motion, which is shown.
 _COUPLED, _WRONG = 0.5 * ORTHOGONAL, 100 * ORTHOGONAL
-# A static mode's strain energy below this many roundings of its terms over all dofs is cancellation between shapes of
-# the basis that repeat each other: sums over many dofs have larger rounding errors than the small pencil.
+# Strain energy of a static mode below this many roundings of its terms over all dofs: shapes repeat each other.
 _REPEATS = 100.0
 # Shapes that cancel leave this share as a displacement: the root of the share in an energy.
 _NO_MOTION = 1e-7
@@ -282,25 +280,27 @@ def _polish(body: FEModel, Phi: Array, r: int, s: int, lam: Array) -> Array:
     """
     rigid, elastic, static = np.split(Phi, [r, Phi.shape[1] - s], axis=1)
     # Rigid motions of a stiffness alone leave the sum of its rounding at the few dofs where they are given. In a
-    # Rayleigh-Ritz step it loads no elastic mode.
-    loads, norm = np.asarray(elastic.T @ (body.K @ rigid)), np.append(np.full(r, lam.max(initial=0.0)), lam)
+    # Rayleigh-Ritz step it loads no elastic mode. Few digits leave much of a soft mode: one step does not restore it.
+    loads, norm, steps = elastic.T @ (body.K @ rigid), np.append(np.full(r, lam.max(initial=0.0)), lam), 1
     if (abs(loads) > _COUPLED * np.sqrt(np.outer(lam, norm[:r]))).any():
         hidden = _HIDDEN * max(body.stiffness_rounding, _DOUBLE)
         norm = np.maximum(norm, hidden * absolute_parts(body.K, Phi[:, : norm.size]))
         if _COUPLED < (abs(loads) / np.sqrt(np.outer(norm[r:], norm[:r]))).max() < _WRONG:
             rigid -= elastic @ (loads / lam[:, None])
+            steps = 3
     for _ in range(2):
-        combine(rigid, 1.5 * np.eye(r) - 0.5 * congruence(body.M, rigid))
+        combine(rigid, np.linalg.inv(np.linalg.cholesky(congruence(body.M, rigid))).T)
         combine(static, 1.5 * np.eye(s) - 0.5 * congruence(body.K, static))
         momentum = body.M @ rigid
         for part in column_blocks(lam.size):
             elastic[:, part] -= rigid @ (momentum.T @ elastic[:, part])
             if s:
                 elastic[:, part] -= static @ (static.T @ (body.K @ elastic[:, part]))
-    lam, X = refine(congruence(body.K, elastic), congruence(body.M, elastic), lam, np.eye(lam.size))
-    order = np.argsort(lam, kind="stable")
-    combine(elastic, X[:, order])
-    return lam[order]
+    for _ in range(steps):
+        lam, X = refine(congruence(body.K, elastic), congruence(body.M, elastic), lam, np.eye(lam.size))
+        combine(elastic, X[:, order := np.argsort(lam, kind="stable")])
+        lam = lam[order]
+    return lam
 
 
 def _refuse_repeats(component: ReducedComponent, N: Array) -> None:
