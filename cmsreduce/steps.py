@@ -34,6 +34,7 @@ from cmsreduce.pipeline.choose import ranked, ranking_channels, select, truncate
 from cmsreduce.pipeline.system import AssembledModel
 from cmsreduce.read import InterfaceSpec, MatrixSource, files_read, prove_mass_order
 from cmsreduce.read import read_body as read_from_files
+from cmsreduce.verify import rigid_shapes
 from cmsreduce.write import write_component as write_component_file
 
 __all__ = ["assemble", "balance", "orthogonalise", "read_body", "write_component"]
@@ -319,6 +320,13 @@ def write_component(
         Write the shapes of every node.
     """
     write_component_file(
-        Path(path), component, nodes=nodes, inputs={}, outputs={}, checks=(), provenance={}, all_nodes=all_nodes
+        Path(path),
+        component,
+        nodes=nodes,
+        inputs={},
+        outputs={},
+        checks=rigid_shapes(component),
+        provenance={},
+        all_nodes=all_nodes,
     )
     return Path(path)

@@ -31,7 +31,14 @@ from cmsreduce.verify.constant_loads import (
 from cmsreduce.verify.controller_stability import controller_response, open_loop, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
 from cmsreduce.verify.frequency_grids import bent_intervals, decibel_grid, frequency_grid, thinned, with_roots
-from cmsreduce.verify.input_rounding import frequency_error_bars, rigid_motions_proof
+from cmsreduce.verify.input_rounding import (
+    MOMENTUM,
+    RIGID_SHAPES,
+    elastic_momentum,
+    frequency_error_bars,
+    rigid_motions_proof,
+    rigid_shapes,
+)
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
     MassProperties,
@@ -85,11 +92,13 @@ __all__ = [
     "FrequencyPairs",
     "Grounding",
     "LightDofs",
+    "MOMENTUM",
     "MassProperties",
     "ModePairing",
     "PERCENTILE",
     "PrincipalInertia",
     "REALISABLE",
+    "RIGID_SHAPES",
     "RigidMotions",
     "StaticLoads",
     "articulation_inertia",
@@ -108,6 +117,7 @@ __all__ = [
     "effective_mass",
     "frac",
     "free_index",
+    "elastic_momentum",
     "frequency_error_bars",
     "frequency_grid",
     "frf_error",
@@ -138,6 +148,7 @@ __all__ = [
     "rigid_mass_properties",
     "rigid_motions",
     "rigid_motions_proof",
+    "rigid_shapes",
     "scaled_rows",
     "shape_momentum",
     "single_precision",

@@ -9,12 +9,40 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import column_blocks, symmetric_product
-from cmsreduce.model import ARITHMETIC, DOUBLE, PRINTED, FEModel, ModalComponent, Proof, entry_errors, pattern_errors
+from cmsreduce.model import (
+    ARITHMETIC,
+    DOUBLE,
+    PRINTED,
+    FEModel,
+    Finding,
+    ModalComponent,
+    Proof,
+    entry_errors,
+    pattern_errors,
+    rigid_body_shapes,
+)
+from cmsreduce.verify.mass_properties import rigid_mass_properties
 
-__all__ = ["frequency_error_bars", "rigid_motions_proof"]
+__all__ = [
+    "MOMENTUM",
+    "RIGID_SHAPES",
+    "elastic_momentum",
+    "frequency_error_bars",
+    "rigid_motions_proof",
+    "rigid_shapes",
+]
 
 Array = NDArray[np.float64]
 
+MOMENTUM = 1e-8
+"""Momentum of an elastic mode of a free body: modes are orthonormal to 1e-10 of their norms, and a body far from its
+origin costs two digits."""
+RIGID_SHAPES = "rigid motions: stiffness against geometry"
+"""Check of the momentum of elastic modes."""
+# Rigid modes of a body that is free in all directions.
+_FREE = 6
+# Coordinates, or displacement frames, may be wrong in two directions.
+_PLACES = 2.0
 # Deviations of a sum of roundings that it exceeds once in four hundred times.
 _DEVIATIONS = 3.0
 # Entries times modes up to which repeated numbers are searched for, in a second or two.
@@ -87,6 +115,57 @@ def frequency_error_bars(component: ModalComponent, columns: NDArray[np.int64]) 
         found = found + _of_independent(pattern_errors(body.K, left, body.noise), component.Phi, columns)
     moved = _DEVIATIONS * np.sqrt(found / 3) + PRINTED * body.stiffness_rounding * omega**2
     return np.asarray(moved / (2 * omega) / (2 * np.pi))
+
+
+def rigid_shapes(component: ModalComponent) -> tuple[Finding, ...]:
+    """Check of the rigid motions of a free body whose rows were proven; nothing for other bodies."""
+    body = component.body
+    if component.rigid_count != _FREE or body.nodes is None or body.rows_trusted:
+        return ()
+    return (Finding(RIGID_SHAPES, *elastic_momentum(component)),)
+
+
+def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
+    """Largest momentum of the elastic modes of a free body, and the momentum that the digits of its files allow.
+
+    Parameters
+    ----------
+    component : ModalComponent
+        Modes of a body with geometry, orthonormal in M, six of them rigid.
+
+    Returns
+    -------
+    found, allowed : float
+        About the centre of mass, relative to the roots of the mass and of the moments of inertia.
+
+    Notes
+    -----
+    Elastic modes are orthogonal in M to the rigid motions of K. For a rigid motion R of the geometry
+    R^T M phi = (K R)^T phi / w^2, in which K R is the rounding of K: the softer a mode, the more momentum it has.
+    Coordinates that are wrong by d give at most d sqrt(m), because modes have unit modal mass.
+    """
+    body, columns = component.body, np.arange(component.omega.size)[component.elastic]
+    assert body.nodes is not None
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    R = rigid_body_shapes(body.dofs, body.nodes, rigid_mass_properties(R.T @ (body.M @ R)).cg)
+    force = body.M @ R
+    own = np.einsum("ij,ij->j", R, force)
+    root = np.sqrt(np.where(own > 0, own, np.inf))
+    found, squares = 0.0, np.zeros(6)
+    for part in column_blocks(columns.size):
+        found = max(found, float(abs(force.T @ component.Phi[:, columns[part]] / root[:, None]).max(initial=0.0)))
+    if found <= MOMENTUM:
+        return found, MOMENTUM
+    errors = pattern_errors(body.K, body.rounding, body.noise)
+    np.square(errors.data, out=errors.data)
+    by_rounding = errors @ R**2
+    for part in column_blocks(columns.size):
+        phi = np.square(component.Phi[:, columns[part]])
+        # A mirror image has the same error, and so may others: the terms of an element repeat with either sign.
+        squares += 8 * np.sum((by_rounding.T @ phi) / component.omega[columns[part]] ** 4, axis=1)
+    places = body.nodes.xyz_rounding * float(root[:3].max() / root[3:].min())
+    allowed = _DEVIATIONS * float(np.sqrt(squares / 3 / root**2).max()) + _PLACES * (places + body.nodes.frame_rounding)
+    return found, max(MOMENTUM, allowed)
 
 
 def _of_repeated(body: FEModel, Phi: Array, columns: NDArray[np.int64]) -> Array:

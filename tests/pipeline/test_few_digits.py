@@ -107,7 +107,8 @@ def test_a_component_file_is_checked_to_the_digits_of_its_nodes(opened: Callable
     findings, verdict = check_result(run.folder, Limits())
     momentum = [each for each in findings if each.name.startswith("momentum")]
     assert len(momentum) == 2 and max(each.value for each in momentum) > 1e-8
-    assert all(each.limit < 1e-4 for each in momentum)
+    # Half a micrometre in two directions, against a radius of gyration of 7 mm about the bar's own axis.
+    assert all(each.limit < 2e-4 for each in momentum)
     assert result is not None and verdict.word == result.verdict.word == "not checked"
 
 

@@ -14,8 +14,9 @@ from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import DofTable, FEModel, ModalComponent, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.read import prove_row_order
-from cmsreduce.reduce import MacNealRubin
-from cmsreduce.verify import frequency_error_bars, negative_directions, rigid_motions_proof
+from cmsreduce.reduce import CraigBampton, MacNealRubin
+from cmsreduce.verify import MOMENTUM, elastic_momentum, frequency_error_bars, negative_directions, rigid_motions_proof
+from tests.frames import BAR
 from tests.hard.structures import bars
 
 # Modes compared.
@@ -110,3 +111,43 @@ def test_the_proof_of_rigid_motions():
     assert rigid_motions_proof(body, 6, None).state == "proven"
     assert rigid_motions_proof(replace(body, rounding=5e-7), 1, None).state == "unproven"
     assert rigid_motions_proof(replace(body, rounding=5e-7), 0, None).state == "proven"
+
+
+@lru_cache
+def rod(digits: int, seed: int) -> ModalComponent:
+    """Modes of a crooked slender rod, its stiffness in some digits and its places to a hundredth of a millimetre."""
+    bends = 0.02 * np.random.default_rng(seed).normal(size=(12, 3))
+    xyz = np.linspace([0, 0, 0], [2.1, 1.5, 0.7], 12) + bends
+    body = bars("rod", xyz, [(k, k + 1) for k in range(1, 12)], replace(BAR, Iy=1e-10, Iz=1.7e-10, J=2e-10))
+    assert body.nodes is not None
+    nodes = replace(body.nodes, xyz=xyz.round(5), xyz_rounding=5e-6)
+    K = printed(body.K, digits) if digits else body.K
+    body = replace(body, nodes=nodes, K=sp.csc_array((K + K.T) / 2), rounding=0.5 * 10.0**-digits if digits else 2**-53)
+    return orthogonalise(CraigBampton(20.0).reduce(prove_row_order(body).estimated(body), np.arange(6)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("digits", [9, 10, None])
+def test_momentum_of_elastic_modes_is_within_what_the_digits_allow(digits, seed):
+    """About the centre of mass a free body's elastic modes have none, but for the digits of K and of the places."""
+    modes = rod(digits, seed)
+    found, allowed = elastic_momentum(modes)
+    R = rigid_body_shapes(modes.body.dofs, modes.body.nodes)[:, :3]
+    linear = R.T @ (modes.body.M @ modes.Phi[:, 6:])
+    assert found >= (1 - 1e-9) * abs(linear).max() / np.sqrt(R[:, 0] @ modes.body.M @ R[:, 0])
+    assert MOMENTUM < found < allowed < 100 * found
+
+
+@pytest.mark.parametrize("wrong", ["places of two nodes", "mass of a node"])
+def test_momentum_of_a_wrong_body_is_beyond_what_the_digits_allow(wrong):
+    modes = rod(10, 0)
+    body = modes.body
+    if wrong == "mass of a node":
+        scale = sp.diags_array(np.where(body.dofs.node == 4, np.sqrt(1.5), 1.0))
+        other = replace(body, M=sp.csc_array(scale @ body.M @ scale))
+    else:
+        xyz = body.nodes.xyz.copy()
+        xyz[[3, 6]] = xyz[[6, 3]]
+        other = replace(body, nodes=replace(body.nodes, xyz=xyz))
+    found, allowed = elastic_momentum(replace(modes, body=other))
+    assert found > 5 * allowed

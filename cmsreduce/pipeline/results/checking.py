@@ -20,13 +20,11 @@ from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_finding
 from cmsreduce.pipeline.results.step_advice import file_rounding
 from cmsreduce.read import file_kind
 from cmsreduce.report import junit_xml, markdown_summary, place
-from cmsreduce.verify import REALISABLE, inertia_excess, momentum_balance
+from cmsreduce.verify import MOMENTUM, REALISABLE, RIGID_SHAPES, inertia_excess, momentum_balance
 from cmsreduce.write import SAME_MASS, ComponentFile, atomic_path, summary
 
 __all__ = ["check_result", "refuse_model_file", "refuse_other_summary", "write_junit", "write_markdown"]
 
-# Modes are orthonormal to 1e-10 of their norms; a body far from its origin costs two digits.
-_MOMENTUM = 1e-8
 # Rigid modes of a body that is free in all directions.
 _FREE = 6
 _PLAIN = ("empty", "unknown", "yaml")
@@ -237,10 +235,12 @@ def _file_alone(name: str, file: ComponentFile) -> Iterator[Finding]:
         coupled[:, : file.rigid_count] = 0.0
         momentum = momentum - momentum[:, : file.rigid_count] @ coupled
         carried, left = momentum_balance(rigid, momentum, file.rigid_count)
-        # The rigid modes are those of K; the motions of the geometry are the same to the digits that the input has.
-        limit = max([_MOMENTUM, *(check.limit for check in file.checks if check.name == RIGID_MOTIONS)])
-        yield Finding("momentum of the rigid modes against the rigid mass", carried, limit, subject=name)
-        yield Finding("momentum of the elastic modes", left, limit, subject=name)
+        # The rigid modes are those of K; the motions of the geometry are the same to the digits that the input has. The
+        # mass that they lack is quadratic in it.
+        known = max([0.0, *(check.limit for check in file.checks if check.name in (RIGID_MOTIONS, RIGID_SHAPES))])
+        quadratic = max(MOMENTUM, known**2)
+        yield Finding("momentum of the rigid modes against the rigid mass", carried, quadratic, subject=name)
+        yield Finding("momentum of the elastic modes", left, max(MOMENTUM, known), subject=name)
 
 
 def _modal_mass(name: str, file: ComponentFile) -> Iterator[Finding]:

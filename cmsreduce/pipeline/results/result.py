@@ -42,7 +42,7 @@ from cmsreduce.pipeline.results.views import (
 from cmsreduce.pipeline.run import MODEL, Run
 from cmsreduce.pipeline.store import at_once, collecting, diagnostic, once
 from cmsreduce.pipeline.system import AssembledModel, highest_frequency
-from cmsreduce.verify import frequency_error_bars
+from cmsreduce.verify import frequency_error_bars, rigid_shapes
 
 __all__ = ["component_checks", "mode_count", "run_result", "with_failures"]
 
@@ -67,6 +67,7 @@ def component_checks(run: Run, name: str) -> tuple[Finding, ...]:
         *run.bodies[name].health.checks,
         Finding("orthogonality in M", mass, max(ORTHOGONAL, rounding)),
         Finding("orthogonality in K", stiffness, ORTHOGONAL),
+        *rigid_shapes(run.written(name)),
         *frame_checks(frame_of(run, name)),
     )
 
