@@ -164,7 +164,10 @@ def ranking_channels(
     )
     if rows is None:
         return scaled(channels, turning, length or 1.0)
-    return sized(channels, *_sized_in(component, ports, rows), turning, length or 1.0)
+    # Sizes are numbers: what has none counts as one newton or one metre, in whatever units the scene is.
+    u = scene.units
+    plain = replace(channels, B=channels.B / u.force, C1=channels.C1 * u.length, C2=channels.C2 * (u.length / u.time))
+    return sized(plain, *_sized_in(component, ports, rows), turning, length or 1.0)
 
 
 def scaling_words(body: FEModel, keys: RankingKeys, scene: Scene) -> str:

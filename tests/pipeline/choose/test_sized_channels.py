@@ -93,6 +93,20 @@ def test_a_motor_sizes_both_sides_of_its_joint(opened: Callable[..., Run]) -> No
         assert bare.B.shape[0] == found.shape[0]
 
 
+def test_the_units_of_the_scene_decide_nothing_beside_a_size(opened: Callable[..., Run]) -> None:
+    """Interfaces have no size. The same scene in millimetres gave another order: its interfaces counted as 1 mm."""
+    sizes = RANK % "{inputs: {motor: 4 Nm}, outputs: {probe: 1 mm}}"
+    bodies = [f"components.{name}.units=m-kg-s" for name in ("arm", "panel", "hub")]
+    metres, millimetres = (
+        opened(sizes, f"scene.units={units}", *bodies).balancing.ranked for units in ("m-kg-s", "mm-t-s")
+    )
+    for name, found in metres.items():
+        for ranking in ("gregory", "hankel", "component-cost", "modal-gain"):
+            own, other = (c.rankings[ranking][c.elastic] for c in (found, millimetres[name]))
+            # Shapes are per root of kilogram or tonne, which is one factor.
+            np.testing.assert_allclose(other / other.max(), own / own.max(), rtol=1e-7)
+
+
 def test_a_sensor_of_small_size_decides(opened: Callable[..., Run]) -> None:
     """Where a micrometre at the tip counts as one, modes are ranked by what they do there."""
     run = opened("balance={rank: modal-gain, scaling: {outputs: {probe: 1 um}}, keep: all}")
