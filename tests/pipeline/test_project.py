@@ -15,6 +15,7 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.model import Configuration, Joint, Point, Scene
 from cmsreduce.pipeline import execute
+from cmsreduce.pipeline.project.system_modes import SystemModes
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import Silent
 from cmsreduce.pipeline.system import midpoint_configurations
@@ -65,6 +66,21 @@ def test_chosen_modes_return_at_every_sampled_configuration(study, rule, of):
         assert component.rigid_count == run.kept[name].rigid_count
         gram = component.Phi.T @ (component.body.M @ component.Phi)
         np.testing.assert_allclose(gram, np.eye(gram.shape[0]), atol=1e-9)
+
+
+def test_all_shapes_of_a_repeated_mode_are_projected(study):
+    """A cut between them would leave one shape of a space, which the solver chose: the span has to be that of all."""
+    run = opened(study)
+    system = run.model.assembled.system(run.scene.configurations[0])
+    omega, shapes = np.array([2.0, 3.0, 3.0 * (1 + 1e-9), 5.0]), np.eye(system.N)[:, :4]
+    turn = la.block_diag(1, [[0.6, -0.8], [0.8, 0.6]], 1)
+    for modes, size in (([0], 1), ([1], 2), ([2, 3], 3)):
+        spans = []
+        for Phi in (shapes, shapes @ turn):
+            chosen = SystemModes(run.scene.configurations[0], omega, Phi, system).only(np.array(modes))
+            spans.append(chosen.Phi @ chosen.Phi.T)
+            assert chosen.count == size
+        np.testing.assert_allclose(spans[1], spans[0], atol=1e-14)
 
 
 @pytest.mark.parametrize("damping", [[], SPARSE], ids=["all modes", "sparse dofs"])

@@ -14,7 +14,7 @@ from cmsreduce.config import ProjectKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.mechanics import energies
-from cmsreduce.model import Configuration, ModalChannels, Scene, System
+from cmsreduce.model import Configuration, ModalChannels, Scene, System, repeated_groups
 from cmsreduce.pipeline.store import once
 from cmsreduce.pipeline.system import ReducedModel
 
@@ -61,9 +61,9 @@ class SystemModes:
         return int(self.omega.size)
 
     def only(self, modes: NDArray[np.int64]) -> SystemModes:
-        """Some of the columns; of a mode under feedback always both."""
-        if self.s is not None:
-            modes = np.flatnonzero(np.isin(self.s, self.s[modes]))
+        """Some of the columns; of a mode under feedback always both, and all shapes of a repeated one."""
+        group = repeated_groups(self.omega)
+        modes = np.flatnonzero(np.isin(group, group[modes]))
         s = None if self.s is None else self.s[modes]
         return replace(self, omega=self.omega[modes], Phi=self.Phi[:, modes], s=s)
 
