@@ -42,8 +42,8 @@ STATIC = "static: carries no mass"
 """Reason why a static mode is kept."""
 
 _DOUBLE = 2.0**-53
-# An energy below this many roundings of its parts, whose sum over many dofs errs by four, is not known to `ORTHOGONAL`.
-_HIDDEN = 4.0 / ORTHOGONAL
+# An energy below this many roundings of its parts is not known to `ORTHOGONAL`: a printed number may err by ten.
+_HIDDEN = 10.0 / ORTHOGONAL
 # Stiffness between a rigid and an elastic mode that is taken out, in the measure of `orthogonality_errors`: less may be
 # rounding of K, which would bend an exact motion; more is an error of the motion, which is shown.
 _COUPLED, _WRONG = 0.5 * ORTHOGONAL, 100 * ORTHOGONAL
