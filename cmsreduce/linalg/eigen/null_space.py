@@ -260,10 +260,13 @@ def _null_motions(K: sp.csc_array, rounding: float, known: Array | None, share: 
     else:
         solve = factorise(sp.csc_array(scaled + _SHIFT * sp.eye_array(n)), definite=False, what="the stiffness")
         V = _weakest(scaled, solve, _WANTED)
-    left = _left_of(share, rounding)
+    found = energy_share(scaled, V)
+    # A negative energy is rounding, too. Known translations may have less: equal numbers of an element cancel in them.
+    left = _left_of(np.append(share, found[found < 0]) if share.size else share, rounding)
     # If all vectors are null vectors, there may be more.
-    while (null := is_rounding(energy_share(scaled, V), left)).all() and V.shape[1] < n:
+    while (null := is_rounding(found, left)).all() and V.shape[1] < n:
         V = _weakest(scaled, solve, min(2 * V.shape[1], n))
+        found = energy_share(scaled, V)
     if known is not None and known.shape[1] == np.count_nonzero(null):
         # Shapes from coordinates are more accurate.
         return known
