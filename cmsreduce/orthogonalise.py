@@ -298,8 +298,8 @@ def _polish(body: FEModel, Phi: Array, r: int, s: int, lam: Array) -> Array:
                 elastic[:, part] -= static @ (static.T @ (body.K @ elastic[:, part]))
     for _ in range(steps):
         lam, X = refine(congruence(body.K, elastic), congruence(body.M, elastic), lam, np.eye(lam.size))
-        combine(elastic, X[:, order := np.argsort(lam, kind="stable")])
-        lam = lam[order]
+        combine(elastic, X[:, np.argsort(lam, kind="stable")])
+        lam = np.sort(lam)
     return lam
 
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import (
-    REPEATED,
     ComplexModes,
     DampedPencil,
     UndeterminedError,
@@ -18,7 +17,7 @@ from cmsreduce.linalg.eigen import (
     elastic_pairs,
     modes_below,
 )
-from cmsreduce.model import System
+from cmsreduce.model import REPEATED, System
 
 __all__ = ["check_closed_loop", "closed_loop_modes", "damped_modes", "system_modes", "undetermined"]
 

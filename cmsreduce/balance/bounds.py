@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError
-from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.response import frequency_blocks
-from cmsreduce.model import ModalChannels
+from cmsreduce.model import ModalChannels, repeated_groups
 
 __all__ = ["elastic_norm", "keep_bound", "mode_bounds"]
 

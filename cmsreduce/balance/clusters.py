@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.gramian import Band, controllability, observability
-from cmsreduce.model import ModalChannels
+from cmsreduce.model import ModalChannels, repeated_groups
 
 __all__ = ["CORRELATED", "cluster_groups", "correlated_groups", "correlation"]
 

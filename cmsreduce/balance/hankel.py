@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from cmsreduce.balance.clusters import CORRELATED, correlated_groups
 from cmsreduce.balance.ranking import GramianRanking
-from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.gramian import (
     Balancing,
     Band,
@@ -22,7 +21,7 @@ from cmsreduce.linalg.gramian import (
     observability,
     semidefinite_root,
 )
-from cmsreduce.model import ModalChannels
+from cmsreduce.model import ModalChannels, repeated_groups
 
 __all__ = ["Hankel", "balanced", "hankel_values"]
 

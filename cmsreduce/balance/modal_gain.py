@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.balance.ranking import Ranking
-from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.gramian import check_damped
-from cmsreduce.model import ModalChannels
+from cmsreduce.model import ModalChannels, repeated_groups
 
 __all__ = ["Gregory", "ModalGain", "modal_gains"]
 

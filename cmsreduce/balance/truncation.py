@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.model import ModalComponent
+from cmsreduce.model import ModalComponent, repeated_groups
 
 __all__ = [
     "Columns",

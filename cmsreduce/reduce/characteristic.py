@@ -9,7 +9,8 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.eigen import elastic_and_massless, orthonormal, repeated_groups
+from cmsreduce.linalg.eigen import elastic_and_massless, orthonormal
+from cmsreduce.model import repeated_groups
 
 __all__ = ["InterfaceMotions", "InterfaceReduction"]
 

@@ -8,9 +8,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.sparse import ElasticFlexibility, factorise, motions_held
-from cmsreduce.model import FEModel, GainSum, ModalComponent
+from cmsreduce.model import FEModel, GainSum, ModalComponent, repeated_groups
 
 __all__ = ["StaticLoads", "gain_sum", "static_completeness", "static_loads", "step_errors", "step_response"]
 

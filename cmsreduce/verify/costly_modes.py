@@ -7,8 +7,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import svd
-from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.model import CostlyMode, CostlyModes, ModalComponent, RoundingEffect
+from cmsreduce.model import CostlyMode, CostlyModes, ModalComponent, RoundingEffect, repeated_groups
 
 __all__ = ["costly_modes", "single_precision"]
 

@@ -17,14 +17,12 @@ from cmsreduce.linalg.eigen.null_space import (
     stiffness_null_space,
 )
 from cmsreduce.linalg.eigen.pencil import (
-    REPEATED,
     UndeterminedError,
     elastic_and_massless,
     elastic_pairs,
     energy_parts,
     orthonormal,
     refine,
-    repeated_groups,
     split_massless,
     strain_pairs,
 )
@@ -33,7 +31,6 @@ __all__ = [
     "ComplexModes",
     "DEPENDENT",
     "DampedPencil",
-    "REPEATED",
     "UndeterminedError",
     "beside_modes",
     "certified_modes",
@@ -49,7 +46,6 @@ __all__ = [
     "only_motions",
     "orthonormal",
     "refine",
-    "repeated_groups",
     "rigid_body_modes",
     "row_basis",
     "split_massless",

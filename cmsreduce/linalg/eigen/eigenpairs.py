@@ -13,10 +13,11 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import column_products, one_norm, symmetric_product
 from cmsreduce.linalg.eigen.inverse_iteration import eigen_residuals
 from cmsreduce.linalg.eigen.mixed_precision import corrected_modes
-from cmsreduce.linalg.eigen.pencil import REPEATED, UndeterminedError, elastic_pairs, repeated_groups
+from cmsreduce.linalg.eigen.pencil import UndeterminedError, elastic_pairs
 from cmsreduce.linalg.eigen.shift_invert import CONVERGED
 from cmsreduce.linalg.eigen.spectrum_slicing import SLICED, STEPPED, counted_modes, sturm_count
 from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, RefinedFactor, Solve, factorise, rough_solve
+from cmsreduce.model import REPEATED, repeated_groups
 
 __all__ = ["CertifiedModes", "beside_modes", "certified_modes", "count_below", "modes_below"]
 

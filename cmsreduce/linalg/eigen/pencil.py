@@ -12,17 +12,15 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import absolute_product
-from cmsreduce.model import REPEATED, Matrix, repeated_groups
+from cmsreduce.model import Matrix
 
 __all__ = [
-    "REPEATED",
     "UndeterminedError",
     "elastic_and_massless",
     "elastic_pairs",
     "energy_parts",
     "orthonormal",
     "refine",
-    "repeated_groups",
     "split_massless",
     "strain_pairs",
 ]
