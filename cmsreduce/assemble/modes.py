@@ -15,6 +15,7 @@ from cmsreduce.linalg.eigen import (
     UndeterminedError,
     complex_modes,
     elastic_pairs,
+    energy_parts,
     modes_below,
 )
 from cmsreduce.model import REPEATED, System
@@ -27,6 +28,8 @@ Complex = NDArray[np.complex128]
 # Larger dense systems have their modes to a frequency computed alone: all of them take fifteen times as long at 1900
 # coordinates.
 _SMALL = 600
+# A mode whose strain energy is a smaller share of its terms, or so many roundings of the file, may be a mechanism.
+_DOUBTFUL, _OF_FILE = 1e-12, 10.0
 # The state matrix has (2 N)^2 entries, and all of its eigenvalues are computed.
 _LARGEST = 1500
 # A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: as a double root of
@@ -65,29 +68,35 @@ def system_modes(system: System, omega: float) -> tuple[Real, Real]:
     try:
         if sp.issparse(system.K):
             return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid, rounding=system.rounding)
-        K, M, rigid = np.asarray(system.K), np.asarray(system.M), system.rigid
-        V = _lowest(K, M, highest) if system.N > _SMALL and 0 < omega < np.inf else None
-        if V is not None:
-            K, M, rigid = V.T @ K @ V, V.T @ M @ V, highest**2 * V.T @ (M @ rigid)
-        lam, X = elastic_pairs(K, M, rigid, system.rounding)
+        found = _lowest(system, highest) if system.N > _SMALL and 0 < omega < np.inf else None
+        if found is None:
+            found = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
     except UndeterminedError as error:
         raise undetermined(system, error) from None
+    lam, X = found
     keep = lam <= highest**2
-    return np.sqrt(lam[keep]), X[:, keep] if V is None else V @ X[:, keep]
+    return np.sqrt(lam[keep]), X[:, keep]
 
 
-def _lowest(K: Real, M: Real, omega: float) -> Real | None:
-    """Basis (N, p) of the modes of a dense pencil up to a frequency, rigid ones included; V^T (K + omega^2 M) V = I.
+def _lowest(system: System, omega: float) -> tuple[Real, Real] | None:
+    """Squared frequencies and modes of a dense system up to a frequency, orthogonal in M to its rigid modes.
 
-    Those of M x = mu (K + omega^2 M) x with the largest mu, which have all digits; a coordinate may be without mass.
-    None if a motion has neither mass nor stiffness, which the solver of all modes names.
+    Those of M x = mu (K + omega^2 M) x with the largest mu have all digits; a coordinate may be without mass. None if
+    the solver of all modes has to tell a soft mode from a mechanism, or to name what is wrong.
     """
-    least = (1 - REPEATED) / (2 * omega**2)
+    K, M, R = np.asarray(system.K), np.asarray(system.M), system.rigid
+    # Without the forces that rounding leaves in rigid motions: these are then exact, and so is what is orthogonal.
+    MR, force = M @ R, K @ R
+    coupled = (force - 0.5 * MR @ (R.T @ force)) @ MR.T
+    K, least = K - coupled - coupled.T, (1 - REPEATED) / (2 * omega**2)
     try:
-        V: Real = la.eigh(M, K + omega**2 * M, subset_by_value=(least, np.inf), driver="gvx")[1]
-    except la.LinAlgError:
+        V = la.eigh(M, K + omega**2 * M, subset_by_value=(least, np.inf), driver="gvx")[1]
+        lam, Y = elastic_pairs(V.T @ K @ V, V.T @ M @ V, omega**2 * V.T @ MR, system.rounding)
+    except (la.LinAlgError, MatrixError):
         return None
-    return V
+    X = V @ Y
+    soft = lam <= max(_DOUBTFUL, _OF_FILE * system.rounding) * energy_parts(K, X)
+    return None if soft.any() else (lam, X)
 
 
 def undetermined(system: System, error: UndeterminedError) -> UndeterminedError:

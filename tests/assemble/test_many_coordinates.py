@@ -60,6 +60,34 @@ def test_links_without_mass_follow_the_others(last):
     np.testing.assert_allclose(Phi, follow @ Phi[: 2 * LINKS], rtol=0, atol=1e-9)
 
 
+def chain(springs: np.ndarray) -> System:
+    """A free chain of unit masses on such springs."""
+    n = springs.size + 1
+    hold = np.diff(np.eye(n), axis=0)
+    K, rigid = hold.T @ (springs[:, None] * hold), np.full((n, 1), n**-0.5)
+    return replace(two_chains(), M=np.eye(n), K=K, rigid=rigid, T=np.eye(n), sizes={"chains": n})
+
+
+@pytest.mark.parametrize("digits", [5, 7])
+def test_modes_are_orthogonal_to_rigid_motions_that_few_digits_resist(digits):
+    system = chain(np.random.default_rng(0).uniform(0.3, 1.7, 799))
+    K = np.vectorize(lambda value: float(f"{value:.{digits - 1}e}"))(system.K)
+    exact, w = (
+        system_modes(replace(system, K=each, rounding=rounding), 0.05)[0]
+        for each, rounding in ((system.K, 2.0**-53), (K, 0.5 * 10.0**-digits))
+    )
+    Phi = system_modes(replace(system, K=K, rounding=0.5 * 10.0**-digits), 0.05)[1]
+    assert abs(Phi.T @ system.rigid).max() < 1e-12
+    np.testing.assert_allclose(w, exact, rtol=3 * 10.0 ** (3 - digits))
+
+
+def test_a_spring_that_is_none_leaves_a_mechanism():
+    springs = np.ones(799)
+    springs[400] = 0.0
+    with pytest.raises(MatrixError, match="the body has a mechanism"):
+        system_modes(chain(springs), 0.05)
+
+
 def test_a_motion_without_mass_and_stiffness_is_refused_by_name():
     with pytest.raises(MatrixError, match="a motion, above all of body 'chains', has neither mass nor stiffness"):
         system_modes(two_chains(massless=True), 0.2)
