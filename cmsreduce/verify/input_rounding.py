@@ -136,26 +136,32 @@ def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
     Returns
     -------
     found, allowed : float
-        About the centre of mass, relative to the roots of the mass and of the moments of inertia.
+        About the centre of mass, relative to the root of the mass or of the moment of inertia; of the rigid motion in
+        which the first is the largest share of the second.
 
     Notes
     -----
-    Elastic modes are orthogonal in M to the rigid motions of K. For a rigid motion R of the geometry
-    R^T M phi = (K R)^T phi / w^2, in which K R is the rounding of K: the softer a mode, the more momentum it has.
-    Coordinates that are wrong by d give at most d sqrt(m), because modes have unit modal mass.
+    Elastic modes are orthogonal in M to the rigid modes Phi_r. For a rigid motion R of the geometry, whose part in
+    these is a = Phi_r^T M R, R^T M phi = (K R - K Phi_r a)^T phi / w^2. The first term is the rounding of K: the softer
+    a mode, the more momentum it has. The second is what `orthogonality in K` judges. Coordinates that are wrong by d
+    give at most d sqrt(m), because modes have unit modal mass.
     """
     body, columns = component.body, np.arange(component.omega.size)[component.elastic]
     assert body.nodes is not None
     R = rigid_body_shapes(body.dofs, body.nodes)
     R = rigid_body_shapes(body.dofs, body.nodes, rigid_mass_properties(R.T @ (body.M @ R)).cg)
-    force = body.M @ R
-    own = np.einsum("ij,ij->j", R, force)
-    root = np.sqrt(np.where(own > 0, own, np.inf))
-    found, squares = 0.0, np.zeros(6)
+    root = np.sqrt(np.maximum(np.einsum("ij,ij->j", R, body.M @ R), 0.0))
+    moved = np.flatnonzero(root > 0)
+    R, arm = R[:, moved] / root[moved], np.where(moved < _FREE // 2, 0.0, root[:3].max() / root[moved])
+    momentum, rigid = body.M @ R, np.asarray(component.Phi[:, : component.rigid_count])
+    force = body.K @ (rigid @ (rigid.T @ momentum))
+    found, coupled, squares = np.zeros((3, moved.size))
     for part in column_blocks(columns.size):
-        found = max(found, float(abs(force.T @ component.Phi[:, columns[part]] / root[:, None]).max(initial=0.0)))
-    if found <= MOMENTUM:
-        return found, MOMENTUM
+        phi = component.Phi[:, columns[part]]
+        found = np.maximum(found, abs(momentum.T @ phi).max(axis=1))
+        coupled = np.maximum(coupled, (abs(force.T @ phi) / component.omega[columns[part]] ** 2).max(axis=1))
+    if (found <= MOMENTUM).all():
+        return float(found.max(initial=0.0)), MOMENTUM
     errors = pattern_errors(body.K, body.rounding, body.noise)
     np.square(errors.data, out=errors.data)
     by_rounding = errors @ R**2
@@ -163,9 +169,10 @@ def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
         phi = np.square(component.Phi[:, columns[part]])
         # A mirror image has the same error, and so may others: the terms of an element repeat with either sign.
         squares += 8 * np.sum((by_rounding.T @ phi) / component.omega[columns[part]] ** 4, axis=1)
-    places = body.nodes.xyz_rounding * float(root[:3].max() / root[3:].min())
-    allowed = _DEVIATIONS * float(np.sqrt(squares / 3 / root**2).max()) + _PLACES * (places + body.nodes.frame_rounding)
-    return found, max(MOMENTUM, allowed)
+    places = _PLACES * (body.nodes.xyz_rounding * arm + body.nodes.frame_rounding)
+    allowed = np.maximum(_DEVIATIONS * np.sqrt(squares / 3) + coupled + places, MOMENTUM)
+    worst = int(np.argmax(found / allowed))
+    return float(found[worst]), float(allowed[worst])
 
 
 def _of_repeated(body: FEModel, Phi: Array, columns: NDArray[np.int64]) -> Array:

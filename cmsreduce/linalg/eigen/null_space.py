@@ -46,7 +46,7 @@ _SOUND_ROUNDINGS = 1e3
 _LEFT_BY_ARITHMETIC = 5.0
 # The energy of known rigid motions shows the rounding of a file; mechanisms may have this many times as much. The first
 # bending mode of a slender body in single precision is not far above.
-_LIKE_RIGID = 5.0
+_LIKE_RIGID, _LIKE_NEGATIVE = 5.0, 2.0
 
 
 def null_space(A: Array, inexact: float = 0.0) -> tuple[Array, int]:
@@ -261,8 +261,11 @@ def _null_motions(K: sp.csc_array, rounding: float, known: Array | None, share: 
         solve = factorise(sp.csc_array(scaled + _SHIFT * sp.eye_array(n)), definite=False, what="the stiffness")
         V = _weakest(scaled, solve, _WANTED)
     found = energy_share(scaled, V)
-    # A negative energy is rounding, too. Known translations may have less: equal numbers of an element cancel in them.
-    left = _left_of(np.append(share, found[found < 0]) if share.size else share, rounding)
+    left = _left_of(share, rounding)
+    if share.size:
+        # A negative energy is rounding, too. Known translations may have less: equal numbers of an element cancel in
+        # them. A soft mode may have five times as much.
+        left = max(left, min(LEFT_BY_FILE * rounding, _LIKE_NEGATIVE * float(-found.min(initial=0.0))))
     # If all vectors are null vectors, there may be more.
     while (null := is_rounding(found, left)).all() and V.shape[1] < n:
         V = _weakest(scaled, solve, min(2 * V.shape[1], n))
