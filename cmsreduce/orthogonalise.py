@@ -27,6 +27,7 @@ from cmsreduce.model import (
     ParameterTerm,
     ReducedComponent,
     Values,
+    error_of_sum,
     parameter_label,
     unresisted,
     varied,
@@ -41,9 +42,6 @@ ORTHOGONAL = 1e-10
 STATIC = "static: carries no mass"
 """Reason why a static mode is kept."""
 
-_DOUBLE = 2.0**-53
-# An energy below this many roundings of its parts is not known to `ORTHOGONAL`: a printed number may err by ten.
-_HIDDEN = 10.0 / ORTHOGONAL
 # Stiffness between a rigid and an elastic mode that is taken out, in the measure of `orthogonality_errors`: less may be
 # rounding of K, which would bend an exact motion; more is an error of the motion, which is shown.
 _COUPLED, _WRONG = 0.5 * ORTHOGONAL, 100 * ORTHOGONAL
@@ -234,11 +232,11 @@ def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
     """
     Phi, body, static = component.Phi, component.body, slice(component.elastic.stop, None)
     inertia = absolute_parts(body.M, Phi)
-    g = np.maximum(component.mass, _HIDDEN * max(body.rounding, _DOUBLE) * inertia)
+    g = np.maximum(component.mass, error_of_sum(body.rounding) / ORTHOGONAL * inertia)
     w = component.stiffness.copy()
     if component.elastic_count:
         w[: component.rigid_count] = w[component.elastic][-1]
-    w = np.maximum(w, _HIDDEN * max(body.stiffness_rounding, _DOUBLE) * absolute_parts(body.K, Phi))
+    w = np.maximum(w, error_of_sum(body.stiffness_rounding) / ORTHOGONAL * absolute_parts(body.K, Phi))
     bare = np.where(body.M.diagonal() > 0, 0.0, abs(body.M).max())
     g[static] = inertia[static] + np.concatenate(
         [bare @ Phi[:, static][:, part] ** 2 for part in column_blocks(component.static_count)] or [np.empty(0)]
@@ -283,7 +281,7 @@ def _polish(body: FEModel, Phi: Array, r: int, s: int, lam: Array) -> Array:
     # Rayleigh-Ritz step it loads no elastic mode. Few digits leave much of a soft mode: one step does not restore it.
     loads, norm, steps = elastic.T @ (body.K @ rigid), np.append(np.full(r, lam.max(initial=0.0)), lam), 1
     if (abs(loads) > _COUPLED * np.sqrt(np.outer(lam, norm[:r]))).any():
-        hidden = _HIDDEN * max(body.stiffness_rounding, _DOUBLE)
+        hidden = error_of_sum(body.stiffness_rounding) / ORTHOGONAL
         norm = np.maximum(norm, hidden * absolute_parts(body.K, Phi[:, : norm.size]))
         if _COUPLED < (abs(loads) / np.sqrt(np.outer(norm[r:], norm[:r]))).max() < _WRONG:
             rigid -= elastic @ (loads / lam[:, None])

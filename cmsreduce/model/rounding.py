@@ -20,6 +20,7 @@ __all__ = [
     "PRINTED",
     "SINGLE",
     "entry_errors",
+    "error_of_sum",
     "last_digits",
     "pattern_errors",
     "rounding_of_values",
@@ -36,6 +37,9 @@ SINGLE = 2.0**-24
 
 PRINTED = 10.0
 """The rounding of printed digits is relative to the decade of a number; a number with a leading 1 has ten times it."""
+
+# Roundings of binary terms that a sum over many dofs errs by.
+_SUMMED = 4.0
 
 ARITHMETIC = 200 * DOUBLE
 """Error of assembly relative to sqrt(K_ii K_jj), which bounds every entry of a semidefinite matrix and is the form of
@@ -161,6 +165,23 @@ def last_digits(values: Array) -> tuple[float, int] | None:
         places.append(int(place))
         most = max(most, len(digits))
     return (float(f"1e{min(places)}"), most) if places else None
+
+
+def error_of_sum(rounding: float) -> float:
+    """Error of a sum of many terms, relative to the sum of their sizes.
+
+    Parameters
+    ----------
+    rounding : float
+        Relative rounding of the terms; a power of two is one of binary numbers, any other one of decimal digits.
+
+    Examples
+    --------
+    >>> error_of_sum(5e-9)
+    5e-08
+    """
+    binary = float(np.frexp(rounding)[0]) == 0.5
+    return (_SUMMED if binary or rounding < DOUBLE else PRINTED) * max(rounding, DOUBLE)
 
 
 def entry_errors(values: Array, rounding: float) -> Array:
