@@ -108,7 +108,8 @@ def in_terms_of(geometry: Geometry | None, matrix: LabelledMatrix) -> LabelledMa
     if matrix.format != "calculix":
         numbers, place, count = np.unique(node, return_inverse=True, return_counts=True)
         placed = geometry.nodes.index(numbers) >= 0
-        if placed.any():
+        # Where nodes have one row each, a number without a place is a node that the deck lacks.
+        if (count[placed] > 1).any():
             component[(component == 1) & ((count == 1) & ~placed)[place]] = SCALAR
         return replace(matrix, dofs=DofTable(node, component))
     if not len(geometry.nodes):

@@ -104,6 +104,17 @@ def test_modes_are_numbers_without_a_place(tmp_path: Path, component: str) -> No
     np.testing.assert_allclose(la.eigvalsh(body.K.toarray(), body.M.toarray())[6:], la.eigvalsh(*full())[6:], rtol=1e-8)
 
 
+def test_a_node_that_the_deck_lacks_is_no_mode(tmp_path: Path) -> None:
+    """Where each node has one row, a number without a place is a node that was left out."""
+    K = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
+    scipy.io.mmwrite(tmp_path / "K.mtx", sp.coo_array(K))
+    (tmp_path / "rows.txt").write_text("\n".join(f"{k}.1" for k in range(1, 7)))
+    (tmp_path / "m.bdf").write_text("".join(f"GRID,{k},,{k}.,0.,0.\n" for k in (1, 2, 3, 5, 6)))
+    source = MatrixSource(tmp_path / "K.mtx")
+    with pytest.raises(DofMapError, match="1 nodes have rows in the matrices but no coordinates"):
+        read_body("x", stiffness=source, mass=source, geometry=tmp_path / "m.bdf", rows=tmp_path / "rows.txt")
+
+
 def test_calculix_lists_a_node_for_each_dof(tmp_path: Path) -> None:
     path = tmp_path / "sub.mtx"
     head = "**\n*USER ELEMENT,NODES=         3,LINEAR\n** ELEMENT NODES\n** 7, 7, 9,\n"
