@@ -24,7 +24,6 @@ __all__ = ["MATLAB", "is_hdf5"]
 
 _NUMERIC = {"double", "single", "sparse", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"}
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_DEEPEST = 10  # structs inside one another: links of a damaged file may lead in a circle
 _HDF5_STARTS = (0, 512)  # MATLAB writes its own 512 bytes before the HDF5 part
 
 
@@ -119,25 +118,33 @@ def _hdf5_matrices(path: Path) -> list[StoredMatrix]:
             raise ReadError(
                 f"{path}: this HDF5 file has no variable of MATLAB; `cmsreduce inspect {path}` says what it is"
             )
+        seen: set[int] = set()
         for name, item in items.items():
-            stored += _hdf5_stored(path, name, item)
+            stored += _hdf5_stored(path, name, item, seen)
     return stored
 
 
 def _hdf5_items(path: Path, group: Any, struct: str) -> dict[str, Any]:
-    """Variables of a file, or fields of a struct, by their names."""
+    """Variables of a file, or fields of a struct, by their names; a field that is a link is left out."""
     import h5py
 
     found = {}
     for name in (name for name in group if not name.startswith("#")):
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            if struct:
+                continue
             raise ReadError(f"{path}: variable '{name}' is a link to another place or file, which is not followed")
         found[f"{struct}.{name}" if struct else name] = group[name]
     return found
 
 
-def _hdf5_stored(path: Path, name: str, item: Any) -> list[StoredMatrix]:
-    """A variable of a version 7.3 file: a data set, a group for a sparse matrix, or one with the fields of a struct."""
+def _hdf5_stored(path: Path, name: str, item: Any, seen: set[int]) -> list[StoredMatrix]:
+    """A variable of a version 7.3 file: a data set, a group for a sparse matrix, or one with the fields of a struct.
+
+    The address of each struct is added to those ``seen``: a damaged file may hold one in itself.
+    """
+    import h5py
+
     found = item.attrs.get("MATLAB_class")
     kind = found.decode() if isinstance(found, bytes) else str(found)
     sparse_rows = item.attrs.get("MATLAB_sparse")
@@ -147,9 +154,11 @@ def _hdf5_stored(path: Path, name: str, item: Any) -> list[StoredMatrix]:
         entries = int(item["data"].shape[0]) if "data" in item else 0
         size = (int(sparse_rows), columns, entries)
         return [StoredMatrix(name, "real double", "", size, partial(_load_hdf5_sparse, path, name))]
-    if kind == "struct" and hasattr(item, "keys") and name.count(".") < _DEEPEST:
+    if kind == "struct" and hasattr(item, "keys") and (place := h5py.h5o.get_info(item.id).addr) not in seen:
+        seen.add(place)
         fields = _hdf5_items(path, item, name)
-        inner = [each for field, value in fields.items() for each in _hdf5_stored(path, field, value) if each.usable]
+        each_field = [_hdf5_stored(path, field, value, seen) for field, value in fields.items()]
+        inner = [each for found_in_field in each_field for each in found_in_field if each.usable]
         if inner:
             return inner
     shape = tuple(reversed(getattr(item, "shape", ())))

@@ -36,7 +36,7 @@ def write_hdf5(path: Path) -> None:
         empty["jc"] = np.zeros(4, "u8")
         model = file.create_group("model")
         model.attrs["MATLAB_class"] = np.bytes_("struct")
-        model["self"] = model
+        model["self"], model["soft"] = model, h5py.SoftLink("/full")
         model.create_dataset("note", data=np.ones((1, 5))).attrs["MATLAB_class"] = np.bytes_("char")
         body = file.create_group("body")
         inner = body.create_group("fem")
