@@ -167,18 +167,18 @@ def ranking_channels(
     # Sizes are numbers: what has none counts as one newton or one metre, in whatever units the scene is.
     u = scene.units
     plain = replace(channels, B=channels.B / u.force, C1=channels.C1 * u.length, C2=channels.C2 * (u.length / u.time))
-    return sized(plain, *_sized_in(component, ports, rows), turning, length or 1.0)
+    return sized(plain, *_sized_in(component, ports, rows), turning, length or 1 / u.length)
 
 
 def scaling_words(body: FEModel, keys: RankingKeys, scene: Scene) -> str:
     """Scaling of the inputs and outputs of a body, in one line."""
     length, unit, stated = _arm(body, keys, scene), scene.units.name.partition("-")[0], keys.scaling
+    efforts, motions = channel_sizes(stated, scene)
     if length is None:
-        words = f"a radian counts as one {unit}"
+        words = f"a radian counts as one {'m' if np.isfinite([*efforts, *motions]).any() else unit}"
     else:
         own = ", its radius of gyration" if stated.length == "auto" else ""
         words = f"rotations count as arcs at {length:.4g} {unit}{own}"
-    efforts, motions = channel_sizes(stated, scene)
     sizes = [
         f"{channel.name} as one at {size:.4g}"
         for channel, size in zip((*scene.actuators, *scene.sensors), [*efforts, *motions], strict=True)

@@ -93,9 +93,10 @@ def test_a_motor_sizes_both_sides_of_its_joint(opened: Callable[..., Run]) -> No
         assert bare.B.shape[0] == found.shape[0]
 
 
-def test_the_units_of_the_scene_decide_nothing_beside_a_size(opened: Callable[..., Run]) -> None:
+@pytest.mark.parametrize("arm", ["", "length: none, "])
+def test_the_units_of_the_scene_decide_nothing_beside_a_size(opened: Callable[..., Run], arm: str) -> None:
     """Interfaces have no size. The same scene in millimetres gave another order: its interfaces counted as 1 mm."""
-    sizes = RANK % "{inputs: {motor: 4 Nm}, outputs: {probe: 1 mm}}"
+    sizes = RANK % f"{{{arm}inputs: {{motor: 4 Nm}}, outputs: {{probe: 1 mm}}}}"
     bodies = [f"components.{name}.units=m-kg-s" for name in ("arm", "panel", "hub")]
     metres, millimetres = (
         opened(sizes, f"scene.units={units}", *bodies).balancing.ranked for units in ("m-kg-s", "mm-t-s")
