@@ -69,7 +69,7 @@ def extraneous_in_band(
         # Real modes are orthonormal.
         gram = None if modes.s is None else np.asarray(modes.Phi.T @ (modes.system.M @ modes.Phi))
         held = returned(cross_orthogonality(modes.by_body, again.by_body, masses), gram)
-        inside = np.flatnonzero(again.omega <= 2 * np.pi * scene.band[1])
+        inside = again.together(np.flatnonzero(again.omega <= 2 * np.pi * scene.band[1]))
         if not inside.size:
             continue
         again = again.only(inside)

@@ -60,10 +60,14 @@ class SystemModes:
         """Number of columns."""
         return int(self.omega.size)
 
-    def only(self, modes: NDArray[np.int64]) -> SystemModes:
-        """Some of the columns; of a mode under feedback always both, and all shapes of a repeated one."""
+    def together(self, modes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers of some columns, with all shapes of a repeated mode and both of a mode under feedback."""
         group = repeated_groups(self.omega)
-        modes = np.flatnonzero(np.isin(group, group[modes]))
+        return np.flatnonzero(np.isin(group, group[modes]))
+
+    def only(self, modes: NDArray[np.int64]) -> SystemModes:
+        """Some of the columns, and those that belong to them."""
+        modes = self.together(modes)
         s = None if self.s is None else self.s[modes]
         return replace(self, omega=self.omega[modes], Phi=self.Phi[:, modes], s=s)
 
