@@ -9,7 +9,8 @@ from pathlib import Path
 __all__ = ["found_in", "instead_of"]
 
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
-_COMMA = re.compile(r"(\s*[-+]?\d+),(\d+(?!,).*)")
+# Three digits after a comma may be thousands.
+_COMMA = re.compile(r"(\s*[-+]?\d+),(?!\d{3}(?!\d))(\d+(?!,).*)")
 
 
 def found_in(value: object) -> str:

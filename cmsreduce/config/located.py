@@ -228,7 +228,7 @@ class _Reader:
                 first = "" if self.in_override else f", first in line {own[name].where.line}"
                 raise ConfigError(f"{where}: key '{inner}' is given twice{first}")
             empty = isinstance(item, ScalarNode) and item.tag == _TAG + "null" and not item.value
-            if empty and name.isdigit() and own:
+            if empty and name.replace(".", "").isdigit() and own:
                 before = list(own.values())[-1].value
                 raise ConfigError(
                     f"{where}: '{path}' has a decimal comma before {name}: numbers have a point, such as "

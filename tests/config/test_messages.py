@@ -166,6 +166,8 @@ MISTAKES = {
     "decimal comma": (
         "mass: 120.0", "mass: '1,5'", 0,
         "found the text '1,5', expected a number, which has a point, not a comma: 1.5"),
+    "comma before thousands": (
+        "mass: 120.0", "mass: '1,200'", 0, "found the text '1,200', expected a number without a unit, e.g. "),
     "decimal comma of a frequency": ("band: 10 Hz", "band: 1,5", 0, "which has a point, not a comma: 1.5"),
     "decimal comma of a whole number": (
         "{node: 1001}", "{node: '1,5'}", 0, "found the text '1,5', expected a whole number without a unit, e.g. 1001"),

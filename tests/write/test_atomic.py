@@ -17,7 +17,7 @@ from cmsreduce.write import atomic_path, hdf5_file
 ENDLESS = """
 import sys, time
 from pathlib import Path
-from cmsreduce.write import atomic_path, hdf5_file
+from cmsreduce.write import atomic_path
 with atomic_path(Path(sys.argv[1])) as temporary:
     temporary.write_text("half")
     print("ready", flush=True)

@@ -36,7 +36,8 @@ class SystemModeKeys(Keys):
     )
     list: Annotated[tuple[Annotated[Count, Field(ge=1)], ...], OneOrMore()] | None = Field(
         default=None,
-        description="Elastic modes by number in order of frequency, from 1; the same in each configuration.",
+        description="Elastic modes by number in order of frequency, from 1, with all shapes of repeated ones; the same "
+        "in each configuration.",
         examples=[[1, 2, 5]],
     )
     count: Count | None = Field(

@@ -129,7 +129,7 @@ def damping_proof(body: FEModel, health: DampingHealth | None, modes: ModalCompo
         law = body.damping.law
         text = "none is given" if law == "none" else f"{law.replace('_', ' ')} damping takes energy from every mode"
         stated, zeta = body.damping.per_mode or (), modes.zeta[modes.elastic]
-        if any(ratio != found for ratio, found in zip(stated, zeta, strict=False)):
+        if any(not math.isclose(*both) for both in zip(stated, zeta, strict=False)):
             text += "; modes of one frequency have the mean of their ratios"
         return Proof("damping", "proven", remark=text, subject=body.name)
     least = least_damping(body.D, modes.Phi, modes.D, body.rounding)

@@ -24,7 +24,8 @@ SWEEP_WIDTH = 160
 """Columns where there is no terminal."""
 
 _SHOWN = tuple(each for each in FIGURES if each.name in ("frf_error", "db_error", "frequency_error"))
-# Columns that are left out where the screen is narrow, from the last key on: times, frequency error, size, operations.
+# Columns that are left out where the screen is narrow, counted from the last key: times, frequency error, size,
+# operations, decibel error.
 _LEFT_OUT = (7, 6, 5, 2, 8, 4)
 # Columns of a swept key's value, and of its name, before they are folded.
 _WIDEST, _HEAD = 32, 8

@@ -42,9 +42,9 @@ DIFFERENCE_WIDTH = 120
 RANKINGS_WIDTH = 150
 """Columns of the widest table of rankings; a narrower terminal wraps it and loses nothing."""
 
-# Width of a name before figures in columns.
 # Blanks between two columns, and before and after the rows of a table with edges.
 _GAP = 3
+# Width of a name before figures in columns.
 _NAME_WIDTH = 44
 # Colours of verdicts.
 _VERDICTS = {"pass": "green", "PASS": "green", "FAIL": "bold red", "info": "dim"}
@@ -121,6 +121,12 @@ def narrowed(
         Letters of a line.
     left_out : iterable of int
         Columns to do without, the first one first.
+
+    Returns
+    -------
+    columns : list of Column
+    rows : list of list of str
+        Those that are shown.
     """
     cells = zip(*(([""] * len(columns)), *rows), strict=True)
     widths = [
