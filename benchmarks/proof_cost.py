@@ -65,6 +65,7 @@ PROOFS = {
     "damping matrix": ("pipeline.bodies.bodies", "damping_health"),
     "damping of the modes": ("pipeline.results.result", "damping_proof"),
     "error bars of the frequencies": ("pipeline.results.result", "frequency_error_bars"),
+    "momentum of the elastic modes": ("pipeline.results.result", "rigid_shapes"),
     "energy of the system, stability": ("pipeline.run.verification", "without_energy"),
 }
 
