@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import (
+    UNRESISTED,
     ComplexModes,
     DampedPencil,
     UndeterminedError,
@@ -18,7 +19,7 @@ from cmsreduce.linalg.eigen import (
     energy_parts,
     modes_below,
 )
-from cmsreduce.model import REPEATED, System
+from cmsreduce.model import REPEATED, System, error_of_sum
 
 __all__ = ["check_closed_loop", "closed_loop_modes", "damped_modes", "system_modes", "undetermined"]
 
@@ -28,8 +29,6 @@ Complex = NDArray[np.complex128]
 # Larger dense systems have their modes to a frequency computed alone: all of them take fifteen times as long at 1900
 # coordinates.
 _SMALL = 600
-# A mode whose strain energy is a smaller share of its terms, or so many roundings of the file, may be a mechanism.
-_DOUBTFUL, _OF_FILE = 1e-12, 10.0
 # The state matrix has (2 N)^2 entries, and all of its eigenvalues are computed.
 _LARGEST = 1500
 # A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: as a double root of
@@ -95,7 +94,7 @@ def _lowest(system: System, omega: float) -> tuple[Real, Real] | None:
     except (la.LinAlgError, MatrixError):
         return None
     X = V @ Y
-    soft = lam <= max(_DOUBTFUL, _OF_FILE * system.rounding) * energy_parts(K, X)
+    soft = lam <= max(UNRESISTED, error_of_sum(system.rounding)) * energy_parts(K, X)
     return None if soft.any() else (lam, X)
 
 

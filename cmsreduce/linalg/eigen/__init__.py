@@ -17,6 +17,7 @@ from cmsreduce.linalg.eigen.null_space import (
     stiffness_null_space,
 )
 from cmsreduce.linalg.eigen.pencil import (
+    UNRESISTED,
     UndeterminedError,
     elastic_and_massless,
     elastic_pairs,
@@ -31,6 +32,7 @@ __all__ = [
     "ComplexModes",
     "DEPENDENT",
     "DampedPencil",
+    "UNRESISTED",
     "UndeterminedError",
     "beside_modes",
     "certified_modes",

@@ -15,6 +15,7 @@ from cmsreduce.linalg.blocks import absolute_product
 from cmsreduce.model import Matrix
 
 __all__ = [
+    "UNRESISTED",
     "UndeterminedError",
     "elastic_and_massless",
     "elastic_pairs",
@@ -27,6 +28,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+UNRESISTED = 1e-12
+"""A motion is not resisted when its strain energy is below this share of the absolute parts of the energy: condensation
+leaves 1e-15."""
 # A first-order step is used where it rotates two modes by less than this. Closer modes form a cluster, which is solved
 # as a small pencil of its own.
 _TRUSTED = 1e-4
@@ -35,9 +39,6 @@ _TRUSTED = 1e-4
 # a number.
 _LEFT_BY_ARITHMETIC = 20.0
 _LEFT_BY_FILE = 10.0
-# A motion is not resisted when its strain energy is below this share of the absolute parts of the energy: condensation
-# leaves 1e-15.
-_UNRESISTED = 1e-12
 # A negative kinetic energy larger than this share of its terms is an error of the matrix, not rounding.
 _NEGATIVE = 1e-6
 
@@ -291,7 +292,7 @@ def strain_pairs(K: Array, parts: Array) -> tuple[Array, Array]:
     """
     size = np.sqrt(np.where(parts > 0, parts, 1.0))
     strain, V = la.eigh(K / np.outer(size, size)) if size.size else (size, K)
-    return np.where(strain > _UNRESISTED, strain, 0.0), V / size[:, None]
+    return np.where(strain > UNRESISTED, strain, 0.0), V / size[:, None]
 
 
 def _limit(rounding: float) -> float:
