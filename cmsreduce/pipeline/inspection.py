@@ -305,7 +305,8 @@ def _margin(margin: ControllerMargin) -> InspectedLine:
         if count
     )
     return InspectedLine(
-        f"the largest sigma_max(dG K) / sigma_min(I + G_R K) is {margin.ratio:.3g}, at {margin.worst_hz:.6g} Hz: "
+        f"the spillover of the modes left out is at most {margin.ratio:.3g} times the margin of the reduced loop, at "
+        f"{margin.worst_hz:.6g} Hz: "
         f"{proof} the full loop stable{growing}",
         margin.configuration,
     )

@@ -103,7 +103,7 @@ MORE_FIGURES = (
     Figure("step_error", "step response", "%", 100.0, "root mean square error of a step response"),
     Figure("hinge_inertia", "hinge inertia", "%", 100.0, "largest share of a hinge's inertia lost with modes left out"),
     Figure("highest_frequency", "highest frequency", "Hz", 1.0, "highest natural frequency of the reduced system"),
-    Figure("controller_ratio", "controller spillover", "", 1.0, "sigma_max(dG K) / sigma_min(I + G_R K); safe below 1"),
+    Figure("controller_ratio", "controller spillover", "", 1.0, "share of the reduced loop's margin; safe below 1"),
     Figure("controller_unstable", "unstable loop roots", "", 1.0, "unstable roots of the closed loop"),
 )
 """Further checks of the run's own model, as far as the run made them."""
