@@ -74,7 +74,6 @@ from cmsreduce.model.rounding import (
     entry_errors,
     error_of_sum,
     last_digits,
-    pattern_errors,
     rounding_of_values,
     spread_noise,
 )
@@ -185,7 +184,6 @@ __all__ = [
     "matrix_in_units",
     "parameter_label",
     "last_digits",
-    "pattern_errors",
     "recovery_in_units",
     "repeated_groups",
     "rigid_body_shapes",

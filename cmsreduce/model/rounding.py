@@ -10,7 +10,6 @@ from __future__ import annotations
 from decimal import Decimal
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 __all__ = [
@@ -22,7 +21,6 @@ __all__ = [
     "entry_errors",
     "error_of_sum",
     "last_digits",
-    "pattern_errors",
     "rounding_of_values",
     "spread_noise",
 ]
@@ -264,23 +262,3 @@ def _of_one_sign(force: Array, shapes: Array) -> bool:
     total = abs(work).sum(axis=0)
     limit = np.minimum(_ONE_SIGN, _SIGN_DEVIATIONS / np.sqrt(np.maximum(loaded, 1)))
     return bool((work.sum(axis=0) > limit * total)[total > 0].any())
-
-
-def pattern_errors(K: sp.csc_array, rounding: float, noise: float) -> sp.csc_array:
-    """Largest error of each stored entry of a stiffness matrix, on its pattern.
-
-    Parameters
-    ----------
-    K : (n, n) sparse array
-        Stiffness.
-    rounding, noise : float
-        Error of its entries relative to themselves, and of its rows relative to sqrt(K_ii K_jj).
-    """
-    errors = entry_errors(K.data, rounding)
-    if noise > 0:
-        own = np.sqrt(abs(K.diagonal()))
-        column = np.repeat(np.arange(K.shape[1]), np.diff(K.indptr))
-        # The noise of a row is the sum of those of its entries.
-        per_row = np.sqrt(np.maximum(np.bincount(K.indices, minlength=K.shape[0]), 1))
-        errors = np.maximum(errors, noise * own[K.indices] * own[column] / per_row[K.indices])
-    return sp.csc_array((errors, K.indices, K.indptr), shape=K.shape)

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import column_blocks, symmetric_product
+from cmsreduce.linalg.blocks import Product, column_blocks, entrywise_product
 from cmsreduce.model import (
     ARITHMETIC,
     DOUBLE,
@@ -17,8 +17,8 @@ from cmsreduce.model import (
     Finding,
     ModalComponent,
     Proof,
+    cross_matrix,
     entry_errors,
-    pattern_errors,
     rigid_body_shapes,
 )
 from cmsreduce.verify.mass_properties import rigid_mass_properties
@@ -112,7 +112,7 @@ def frequency_error_bars(component: ModalComponent, columns: NDArray[np.int64]) 
     if body.K.nnz * columns.size <= _REPEATED:
         found, left = _of_repeated(body, component.Phi, columns), 0.0
     if left or body.noise:
-        found = found + _of_independent(pattern_errors(body.K, left, body.noise), component.Phi, columns)
+        found = found + _of_independent(body.K, left, body.noise, component.Phi, columns)
     moved = _DEVIATIONS * np.sqrt(found / 3) + PRINTED * body.stiffness_rounding * omega**2
     return np.asarray(moved / (2 * omega) / (2 * np.pi))
 
@@ -148,12 +148,16 @@ def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
     """
     body, columns = component.body, np.arange(component.omega.size)[component.elastic]
     assert body.nodes is not None
-    R = rigid_body_shapes(body.dofs, body.nodes)
-    R = rigid_body_shapes(body.dofs, body.nodes, rigid_mass_properties(R.T @ (body.M @ R)).cg)
-    root = np.sqrt(np.maximum(np.einsum("ij,ij->j", R, body.M @ R), 0.0))
-    moved = np.flatnonzero(root > 0)
-    R, arm = R[:, moved] / root[moved], np.where(moved < _FREE // 2, 0.0, root[:3].max() / root[moved])
+    R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
     momentum, rigid = body.M @ R, np.asarray(component.Phi[:, : component.rigid_count])
+    # From the mean of the nodes, which may be far from the origin, to the centre of mass.
+    to_centre = cross_matrix(rigid_mass_properties(R.T @ momentum).cg)
+    for X in (R, momentum):
+        X[:, 3:] += X[:, :3] @ to_centre
+    root = np.sqrt(np.maximum(np.einsum("ij,ij->j", R, momentum), 0.0))
+    moved = np.flatnonzero(root > 0)
+    R, momentum = R[:, moved] / root[moved], momentum[:, moved] / root[moved]
+    arm = np.where(moved < _FREE // 2, 0.0, root[:3].max() / root[moved])
     force = body.K @ (rigid @ (rigid.T @ momentum))
     found, coupled, squares = np.zeros((3, moved.size))
     for part in column_blocks(columns.size):
@@ -162,9 +166,7 @@ def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
         coupled = np.maximum(coupled, (abs(force.T @ phi) / component.omega[columns[part]] ** 2).max(axis=1))
     if (found <= MOMENTUM).all():
         return float(found.max(initial=0.0)), MOMENTUM
-    errors = pattern_errors(body.K, body.rounding, body.noise)
-    np.square(errors.data, out=errors.data)
-    by_rounding = errors @ R**2
+    by_rounding = _squared_errors(body.K, body.rounding, body.noise)[0](R**2)
     for part in column_blocks(columns.size):
         phi = np.square(component.Phi[:, columns[part]])
         # A mirror image has the same error, and so may others: the terms of an element repeat with either sign.
@@ -191,11 +193,9 @@ def _of_repeated(body: FEModel, Phi: Array, columns: NDArray[np.int64]) -> Array
     )
 
 
-def _of_independent(errors: sp.csc_array, Phi: Array, columns: NDArray[np.int64]) -> Array:
+def _of_independent(K: sp.csc_array, rounding: float, noise: float, Phi: Array, columns: NDArray[np.int64]) -> Array:
     """Sum of squares of the largest changes of w^2 by each entry of K and its mirror image (k,)."""
-    # In place: the errors serve nothing else, and are as many as the entries of the body.
-    np.square(errors.data, out=errors.data)
-    product, diagonal = symmetric_product(errors), errors.diagonal()
+    product, diagonal = _squared_errors(K, rounding, noise)
     found = np.zeros(columns.size)
     for part in column_blocks(columns.size):
         # By rows, as the product reads and writes them.
@@ -203,3 +203,24 @@ def _of_independent(errors: sp.csc_array, Phi: Array, columns: NDArray[np.int64]
         # Twice each pair of entries, and once the diagonal.
         found[part] = 2 * np.einsum("ij,ij->j", phi, product(phi)) - diagonal @ np.square(phi, out=phi)
     return found
+
+
+def _squared_errors(K: sp.csc_array, rounding: float, noise: float) -> tuple[Product, Array]:
+    """Product of the squares of the largest errors of the entries of K with blocks of vectors, and their diagonal (n,).
+
+    The errors are relative to the entries, and to sqrt(K_ii K_jj) along a row.
+    """
+    size: Array = abs(K.diagonal())
+    own = np.sqrt(size)
+    # The noise of a row is the sum of those of its entries.
+    per_entry = noise * own / np.sqrt(np.maximum(np.diff(K.indptr), 1))
+
+    def entries(part: sp.csr_array, rows: slice) -> Array:
+        errors = entry_errors(part.data, rounding)
+        if noise > 0:
+            of_row = np.repeat(own[rows], np.diff(part.indptr))
+            np.maximum(errors, per_entry[part.indices] * of_row, out=errors)
+        return np.square(errors, out=errors)
+
+    diagonal = np.maximum(entry_errors(size, rounding), per_entry * own)
+    return entrywise_product(K, entries), np.square(diagonal)

@@ -20,6 +20,7 @@ __all__ = [
     "absolute_product",
     "column_blocks",
     "congruence",
+    "entrywise_product",
     "mkl_product",
     "one_norm",
     "rows_of",
@@ -38,8 +39,8 @@ _FEW_FOR_MKL, _FEW_FOR_THREADS = 20_000, 200_000
 _ZEROS = 0.5
 # Columns of a matrix that are summed up at a time.
 _SUMMED = 4096
-# Rows whose absolute values are in memory at a time.
-_ABSOLUTE = 2048
+# Rows whose changed entries are in memory at a time.
+_AT_ONCE = 2048
 # Columns in a block: enough to read a matrix only a few times, few beside the right-hand sides of a solve.
 _COLUMNS = 32
 
@@ -114,9 +115,21 @@ def _scipy_product(columns: sp.csc_array) -> Product:
 
 
 def absolute_product(A: sp.csc_array) -> Product:
-    """Product of the absolute values of a symmetric matrix, (n, n), with blocks of vectors.
+    """Product of the absolute values of a symmetric matrix, (n, n), with blocks of vectors."""
+    return entrywise_product(A, lambda part, _: abs(part.data))
 
-    They are made for a few rows at a time: those of all entries would take as much memory as the entries themselves.
+
+def entrywise_product(A: sp.csc_array, entries: Callable[[sp.csr_array, slice], Array]) -> Product:
+    """Product of a symmetric matrix, (n, n), whose entries follow from those of another one, with blocks of vectors.
+
+    They are made for a few rows at a time: all of them would take as much memory as the other matrix.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+        Symmetric.
+    entries : callable
+        Gives the entries (nnz,) that take the place of those of some rows of A, from these rows and their numbers.
     """
 
     def product(X: Array) -> Array:
@@ -124,9 +137,9 @@ def absolute_product(A: sp.csc_array) -> Product:
 
         def multiply(_: int, rows: slice) -> None:
             part = rows_of(A, rows.start, rows.stop)
-            Y[rows] = sp.csr_array((abs(part.data), part.indices, part.indptr), part.shape) @ X
+            Y[rows] = np.asarray(sp.csr_array((entries(part, rows), part.indices, part.indptr), part.shape) @ X)
 
-        share_rows(A.shape[0], _ABSOLUTE, multiply)
+        share_rows(A.shape[0], _AT_ONCE, multiply)
         return Y
 
     return product
