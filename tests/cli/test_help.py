@@ -9,9 +9,11 @@ from importlib.metadata import version
 import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
+from threadpoolctl import threadpool_info
 
 from cmsreduce.cli import main
 from cmsreduce.config import json_schema, key_names
+from cmsreduce.pipeline.environment import kernels_advice
 
 
 def completed(*words: str) -> list[str]:
@@ -64,6 +66,17 @@ def test_doctor_knows_versions_solvers_and_disk() -> None:
     assert "superlu" in found["sparse solvers"] and found["memory"] > 1e8 and found["disk"] > 0
     assert "extra dev" not in found and found["threads"] >= 1
     assert re.search(r"^sparse solvers +.*superlu", CliRunner().invoke(main, ["doctor"]).stdout, re.M)
+
+
+def test_doctor_names_kernels_that_do_not_know_the_processor() -> None:
+    for kernels, extensions in ((["Haswell", ""], ["X86_V3", "X86_V4"]), (["Zen"], ["AVX2", "AVX512_SKX"])):
+        assert "OPENBLAS_CORETYPE=SKYLAKEX" in kernels_advice(kernels, extensions)
+    for kernels, extensions in ((["SkylakeX"], ["X86_V4"]), (["Haswell"], ["X86_V3"]), (["armv8"], ["ASIMD"])):
+        assert not kernels_advice(kernels, extensions)
+    kernels = json.loads(CliRunner().invoke(main, ["doctor", "--json"]).stdout)["dense algebra"]
+    assert {each["version"] for each in threadpool_info() if each["user_api"] == "blas"} == {
+        name.split()[-1] for name in kernels
+    }
 
 
 def test_doctor_compiles_what_the_first_large_body_would() -> None:
