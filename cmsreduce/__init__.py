@@ -115,9 +115,20 @@ if not TYPE_CHECKING:
 
         # Looking the version up takes longer than all else that a command needs to start.
         if name == "__version__":
-            from importlib.metadata import version
+            from importlib.metadata import PackageNotFoundError, version
 
-            return version("cmsreduce")
+            try:
+                return version("cmsreduce")
+            except PackageNotFoundError as error:
+                from pathlib import Path
+
+                from cmsreduce.errors import CmsReduceError
+
+                clone = Path(__file__).parents[1]
+                raise CmsReduceError(
+                    f"the copy of cmsreduce in {clone} is not installed, so its version and its libraries are not "
+                    f"known: `pip install --editable {clone}`"
+                ) from error
         if name not in _HOME:
             # With the module, Python adds the name that was meant.
             message = f"module 'cmsreduce' has no attribute '{name}'"

@@ -41,8 +41,16 @@ _STAGE_VERBS = {
 }
 
 
+def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not context.resilient_parsing:
+        from cmsreduce import __version__
+
+        click.echo(f"cmsreduce, version {__version__}")
+        context.exit()
+
+
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(package_name="cmsreduce", prog_name="cmsreduce")
+@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
 def main() -> None:
     """Reduce finite-element bodies to checked components for multibody simulation.
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
+from cmsreduce import __version__
 from cmsreduce.linalg.machine import available_memory, usable_cores
 from cmsreduce.linalg.sparse import installed_backends
 from cmsreduce.multifrontal import lacks
@@ -63,7 +64,7 @@ def environment(folder: Path) -> tuple[EnvironmentLine, ...]:
 
 
 def _versions() -> Iterator[EnvironmentLine]:
-    yield EnvironmentLine(_PACKAGE, version(_PACKAGE), version(_PACKAGE))
+    yield EnvironmentLine(_PACKAGE, __version__, __version__)
     python = platform.python_version()
     yield EnvironmentLine("python", python, f"{python}, {platform.system()} {platform.machine()}")
     core, extras = _requirements()

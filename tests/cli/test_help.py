@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
 import pytest
 from click.shell_completion import ShellComplete
@@ -77,6 +77,19 @@ def test_doctor_names_kernels_that_do_not_know_the_processor() -> None:
     assert {each["version"] for each in threadpool_info() if each["user_api"] == "blas"} == {
         name.split()[-1] for name in kernels
     }
+
+
+def test_a_clone_that_is_not_installed_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It runs from PYTHONPATH, and ended with an internal error."""
+    assert CliRunner().invoke(main, ["--version"]).stdout == f"cmsreduce, version {version('cmsreduce')}\n"
+
+    def unknown(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr("importlib.metadata.version", unknown)
+    said = CliRunner().invoke(main, ["--version"])
+    assert said.exit_code == 2
+    assert re.search(r"the copy of cmsreduce in (\S+) is not installed, .*: `pip install --editable \1`", said.stderr)
 
 
 def test_doctor_compiles_what_the_first_large_body_would() -> None:
