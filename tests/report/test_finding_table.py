@@ -41,10 +41,10 @@ class Terminal(io.StringIO):
         return True
 
 
-def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+def terminal_of(monkeypatch: pytest.MonkeyPatch, width: int = 120) -> Terminal:
     stream = Terminal()
     monkeypatch.setattr("sys.stdout", stream)
-    monkeypatch.setattr("rich.console.Console", lambda **_: Console(file=stream, force_terminal=True, width=120))
+    monkeypatch.setattr("rich.console.Console", lambda **_: Console(file=stream, force_terminal=True, width=width))
     return stream
 
 
@@ -94,6 +94,15 @@ def test_what_is_in_a_file_is_a_table_on_a_terminal(monkeypatch: pytest.MonkeyPa
         next(line.rstrip() for line in said.splitlines() if word in line) for word in ("per cent", "2.5 Hz")
     )
     assert len(heads) == len(figures) and figures.endswith("  0.0    2.0  100.0")
+
+
+def test_rows_of_figures_stand_in_one_line_on_a_narrow_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last of six columns was folded to a line of its own."""
+    terminal = terminal_of(monkeypatch, 80)
+    shares = "  ".join(["100.0"] * 6)
+    long = InspectedLine("differs by 2.2e-07, relative; " * 3, "mass by the rigid motions of the stiffness", depth=2)
+    print_inspected([*ROWS, long, InspectedLine(shares, "mode 1, 0.564214 Hz", depth=3, in_columns=True)], Output())
+    assert re.search(rf"mode 1, 0\.564214 Hz +{shares} *$", plain(terminal.getvalue()), re.M)
 
 
 def test_what_is_in_a_file_is_lines_in_a_log(capsys: pytest.CaptureFixture[str]) -> None:

@@ -44,6 +44,8 @@ RANKINGS_WIDTH = 150
 
 # Blanks between two columns, and before and after the rows of a table with edges.
 _GAP = 3
+# Width of verdict and edges in the table of an inspected file.
+_BESIDE_NAMES = 14
 # Width of a name before figures in columns.
 _NAME_WIDTH = 44
 # Colours of verdicts.
@@ -185,13 +187,15 @@ def health_lines(health: Iterable[HealthFinding]) -> list[InspectedLine]:
 
 def print_inspected(rows: Sequence[InspectedLine], output: Output) -> None:
     """Print the content of one file: a table on a terminal, lines in a log."""
-    output.rows([(row.line, False) for row in rows], lambda console: console.print(_inspected(rows)))
+    output.rows([(row.line, False) for row in rows], lambda console: console.print(_inspected(rows, console.width)))
 
 
-def _inspected(rows: Sequence[InspectedLine]) -> Table:
+def _inspected(rows: Sequence[InspectedLine], width: int) -> Table:
     title, *rest = rows
     cells = [(verdict(row.verdict), "  " * (row.depth - 1) + row.name, row.text) for row in rest]
-    return table((words(), words(), words()), cells, title=title.text.rstrip(":"), heads=False)
+    # Names fold sooner than rows of figures.
+    left = width - _BESIDE_NAMES - max((len(row.text) for row in rest if row.in_columns), default=0)
+    return table((words(), words(max_width=max(left, 1)), words()), cells, title=title.text.rstrip(":"), heads=False)
 
 
 def print_difference(
