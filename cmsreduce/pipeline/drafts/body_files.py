@@ -11,7 +11,7 @@ from pathlib import Path
 from cmsreduce.config import BodyDraft
 from cmsreduce.errors import ReadError
 from cmsreduce.pipeline.drafts.matrix_roles import Candidate, matrices_of, stiffness_and_mass
-from cmsreduce.read import FORMATS, FileKind, Geometry, LabelledMatrix, file_kind, read_geometry, sha256_of
+from cmsreduce.read import FORMATS, FileKind, Geometry, LabelledMatrix, file_kind, read_geometry, read_rows, sha256_of
 
 __all__ = ["bodies_of_files", "body_names", "deck_beside"]
 
@@ -52,14 +52,15 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
         shapes, notes = every_shape, ()
     lists = _lists(kinds, shapes)
     rows = lists[None]
+    if rows is not None and kinds[rows].name == "dofs":
+        # A broken list is refused once, and not with each matrix of a file.
+        read_rows(rows)
     geometries = {path: read_geometry(path) for path in shapes}
     found = {path: matrices_of(path, rows, geometries.values()) for path in sources}
     matrices = {path: own for path, (own, _) in found.items()}
     command = f"cmsreduce new {name} STIFFNESS MASS DECK"
     if not any(matrices.values()):
         reasons = [reason for _, each in found.values() for reason in each]
-        if broken := [reason for reason in reasons if rows is not None and reason.startswith(f"{rows},")]:
-            raise ReadError(broken[0])
         given = ", ".join(f"{path} ({kind.words})" for path, kind in kinds.items())
         given += "".join(f" (left out: {reason})" for reason in reasons)
         raise ReadError(f"no square matrix in the files given: {given}; name the stiffness and the mass: {command}")
