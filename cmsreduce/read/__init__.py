@@ -8,14 +8,14 @@ from cmsreduce.read.body import read_body
 from cmsreduce.read.calculix_abaqus import expanded_node
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
-from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect_kind, file_kind, read_rows
+from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect_kind, file_kind
 from cmsreduce.read.files import files_read, refuse_rewritten, sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.geometry import deck_statement, read_cells, read_geometry
 from cmsreduce.read.inner_grids import with_inner_grids
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, Nearby
 from cmsreduce.read.labelled_matrix import LabelledMatrix
-from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
+from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix, read_rows
 from cmsreduce.read.nastran import (
     BulkDeck,
     bars_in_units,

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import DofTable
 from cmsreduce.read.ansys import FULL_FILE, NODE_FILE, NODE_LISTING, is_row_mapping
-from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE, SUBSTRUCTURE, read_dof_list
+from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE, SUBSTRUCTURE
 from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
 from cmsreduce.read.formats import GeometryFormat, MatrixFormat
 from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC, is_hdf5
@@ -31,7 +30,6 @@ __all__ = [
     "file_kind",
     "geometry_format",
     "matrix_format",
-    "read_rows",
 ]
 
 # In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
@@ -59,7 +57,10 @@ _INSPECT = "`cmsreduce inspect {path}` shows what is in it"
 _REDUCED = "name it as `reduced:` of a component"
 _UNPACK = "unpack it, and name the file in it"
 _NO_MODEL = "name the matrices and the deck or mesh of the body"
+_SAVE = "`scipy.io.savemat('body.mat', {{'K': K, 'M': M}})` saves matrices to a file that is read"
 _NAMED_IN_HDF5 = 4
+# Meshes of numbers alone, which meshio finds by the name.
+_MESHES_OF_NUMBERS = frozenset({".node", ".ele", ".ugrid"})
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,15 @@ _SID = rb"^[^\S\n]*part[^\S\n]*\n\s*new modal\b"
 # With remarks, separated as spreadsheets do, and by name.
 _DOF = rb"\d+(?:(?:\.|[ \t]*,[ \t]*)[0-6]|[ \t.,]+(?:(?:D|U|R|T|DR|ROT)?[XYZ]|UR?[123]))"
 _DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*N?" + _DOF + rb"\s*\n){2}"
+_CELL = rb"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[ED][+-]?\d+)?"
+_TABLE = (
+    rb"\A(?:\xef\xbb\xbf)?(?:[^\n]*[A-Z_][^\n]*\n)?(?:[ \t]*"
+    + _CELL
+    + rb"(?:[ \t]*[;,\t ]"
+    + rb"[ \t]*"
+    + _CELL
+    + rb")+\s*\n){2}"
+)
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:[^\S\n]*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 _MARKS = (
@@ -177,6 +187,12 @@ _MARKS = (
         _matches(rb"\A\s*\{(?s:.)*\"(?:components|scene|include|output)\"\s*:"),
         "run it: `cmsreduce run {path}`",
     ),
+    _Mark(
+        "table",
+        "a table of numbers that names no format",
+        _matches(_TABLE),
+        f"{_SAVE}; nodes are read from GRID cards of NASTRAN, or from a mesh",
+    ),
 )
 """Kinds of files that are known and not read, in the order of detection."""
 
@@ -233,7 +249,7 @@ def file_kind(path: Path) -> FileKind:
     if is_hdf5(head):
         return _hdf5_kind(path)
     for mark in _MARKS:
-        if mark.detect(head[:_START]):
+        if mark.detect(head[:_START]) and not (mark.name == "table" and path.suffix.lower() in _MESHES_OF_NUMBERS):
             return FileKind(mark.name, mark.words, "", mark.geometry, mark.step.format(path=path))
     start = head[:24].decode("ascii", "backslashreplace")
     return FileKind("unknown", f"of no known format; it starts with {' '.join(start.split())!r}")
@@ -282,29 +298,6 @@ def expect_kind(path: Path, wanted: str) -> None:
         raise ReadError(f"{path}: this is {kind.words}, not {words}: {step}")
 
 
-def read_rows(path: Path) -> DofTable:
-    """Read the dof list that `rows:` names; a file of another kind is named as what it is.
-
-    Parameters
-    ----------
-    path : Path
-        The file, one node.component a line.
-
-    Raises
-    ------
-    ReadError
-        If the file is missing or empty, is of another kind, a line names no dof, or a dof appears twice.
-    """
-    try:
-        return read_dof_list(path)
-    except ReadError as error:
-        if not path.is_file() or (kind := file_kind(path)).name in ("dofs", "empty", "unknown"):
-            raise
-        first = "name it as `geometry:`; " if kind.geometry else ""
-        step = f"{first}`rows:` takes a list of node.component, one a line, or a dof set of the deck, such as `a`"
-        raise ReadError(f"{path}: this is {kind.words}, not a dof list: {step}") from error
-
-
 _NEEDED = {
     "pipeline": "the YAML file of the run",
     "component": "NAME.h5 in the folder of the run",
@@ -343,5 +336,4 @@ def _foreign(items: Sequence[str]) -> FileKind:
         step = "write the matrices with OUTPUT4 or as DMIG, and name the deck"
         return FileKind("nastran-hdf5", "a result file of NASTRAN in HDF5", step=step)
     named = ", ".join(items[:_NAMED_IN_HDF5]) + (" ..." if len(items) > _NAMED_IN_HDF5 else "")
-    step = "save the matrices to a .npz or .mat file"
-    return FileKind("hdf5", f"an HDF5 file of another program, with {named or 'nothing'} in it", step=step)
+    return FileKind("hdf5", f"an HDF5 file of another program, with {named or 'nothing'} in it", step=_SAVE.format())

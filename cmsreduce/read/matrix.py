@@ -10,16 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from cmsreduce.errors import ReadError
+from cmsreduce.model import DofTable
 from cmsreduce.read.ansys import is_row_mapping, mapping_beside, read_row_mapping
-from cmsreduce.read.calculix_abaqus import dof_list_beside
-from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind, matrix_format, read_rows
+from cmsreduce.read.calculix_abaqus import dof_list_beside, read_dof_list
+from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind, matrix_format
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, complex_refused
 from cmsreduce.read.matrices import HARWELL_BOEING
 from cmsreduce.read.nastran import DMIG, OP2
 
-__all__ = ["detect_format", "matrix_names", "read_matrix"]
+__all__ = ["detect_format", "matrix_names", "read_matrix", "read_rows"]
 
 
 def detect_format(path: Path) -> str:
@@ -147,6 +148,29 @@ def matrix_names(path: Path, format: str | None = None, *, unusable: bool = Fals
         stored = chosen.read(path)
         _refuse_unusable(stored)
         return [one.info for one in _numbered(stored) if one.usable or unusable]
+
+
+def read_rows(path: Path) -> DofTable:
+    """Read the dof list that `rows:` names; a file of another kind is named as what it is.
+
+    Parameters
+    ----------
+    path : Path
+        The file, one node.component a line.
+
+    Raises
+    ------
+    ReadError
+        If the file is missing or empty, is of another kind, a line names no dof, or a dof appears twice.
+    """
+    try:
+        return read_dof_list(path)
+    except ReadError as error:
+        if not path.is_file() or (kind := file_kind(path)).name in ("dofs", "empty", "unknown"):
+            raise
+        first = "name it as `geometry:`; " if kind.geometry else ""
+        step = f"{first}`rows:` takes a list of node.component, one a line, or a dof set of the deck, such as `a`"
+        raise ReadError(f"{path}: this is {kind.words}, not a dof list: {step}") from error
 
 
 def _format_of(path: Path, name: str | None) -> MatrixFormat:

@@ -76,6 +76,7 @@ CONTENT = {
     "dofs": b"1.1\n1.2\n1.3\n",
     "pipeline": b"# a study\nname: bracket\ncomponents:\n",
     "yaml": b"colour: blue\n",
+    "table": b"1.5e3;-2,5;0\n-2,5;3;1\n",
     "empty": b"",
     "unknown": b"once upon a time",
 }
@@ -110,6 +111,24 @@ def test_a_file_is_what_its_content_says(tmp_path: Path, name: str, suffix: str)
         assert str(path) in said and "\n" not in said
         if name not in ("empty", "unknown"):
             assert f"this is {kind.words}, which holds no " in said
+
+
+@pytest.mark.parametrize(
+    "text", ["1.0,2.0\n3.0,4.0\n", "row,col,value\n1,1,2.5\n2,2,3.5\n", " 1e0 2e0\n 3e0 4e0\n", "1 1 1,5\n1 2 -2,5e3\n"]
+)
+def test_tables_of_numbers_are_refused_with_what_to_write(tmp_path: Path, text: str) -> None:
+    """A spreadsheet's matrix was refused as a mesh whose format could not be deduced."""
+    (tmp_path / "K.csv").write_text(text)
+    for read in (matrix_names, read_geometry):
+        with pytest.raises(ReadError, match=r"a table of numbers .*: `scipy\.io\.savemat\(.*GRID cards"):
+            read(tmp_path / "K.csv")
+
+
+def test_meshes_of_numbers_alone_are_meshes(tmp_path: Path) -> None:
+    """TetGen's nodes and elements look like tables; meshio finds them by their names."""
+    (tmp_path / "a.node").write_text("4 3 0 0\n1 0. 0. 0.\n2 1. 0. 0.\n3 0. 1. 0.\n4 0. 0. 2.\n")
+    (tmp_path / "a.ele").write_text("1 4 0\n1 1 2 3 4\n")
+    assert len(read_geometry(tmp_path / "a.node").nodes) == 4
 
 
 @pytest.mark.parametrize("dofs", ["1, 2, 3", "1, 1, 3", "1, 2, 3, 4, 5, 6"])

@@ -36,6 +36,7 @@ _COMMENT = re.compile(rb"\n[ \t]*%[^\n]*")
 _HEAD_BYTES = 1 << 20  # more than comments take
 # A file whose banner is misspelt must not pass as a text of entries, of which the sizes would be the first.
 _BANNER = re.compile(rb"(?:\xef\xbb\xbf)?\s*%{1,2}\s*MatrixMarket", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(rb"(?<![\d,])[+-]?\d+,\d+(?:[EeDd][+-]?\d+)?\s*\Z")
 _LAYOUTS = {"coordinate": 3, "array": 2}  # numbers in the line of sizes
 _FIELDS = ("real", "double", "integer", "complex", "pattern")
 
@@ -120,7 +121,8 @@ def read_entries(path: Path, text: bytes, line: EntryLine) -> tuple[NDArray[np.i
         number, bad = whole.count(b"\n", 0, end) + 1, whole[end : whole.index(b"\n", end)]
         cut = " (the last of the file, so it is probably truncated)" if b"\n" not in text[end:] else ""
         shown = bad.decode("utf-8", errors="replace").strip()[:60]
-        raise ReadError(f"{path}, line {number}{cut}: '{shown}' is not an entry '{line.words}' of real numbers")
+        comma = "; it has a decimal comma: write numbers with a point" if _DECIMAL_COMMA.search(bad) else ""
+        raise ReadError(f"{path}, line {number}{cut}: '{shown}' is not an entry '{line.words}' of real numbers{comma}")
     numbers = numbers_of(whole).reshape(-1, line.integers + line.parts)
     if not len(numbers):
         raise ReadError(f"{path}: there are no entries '{line.words}' in it")

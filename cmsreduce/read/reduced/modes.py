@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import DofTable, RigidBody, Source, Units, cross_matrix, rigid_body_shapes
-from cmsreduce.read.file_kind import read_rows
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import Geometry
 from cmsreduce.read.geometry import other_length, read_geometry
 from cmsreduce.read.interfaces import MatrixSource
 from cmsreduce.read.labelled_matrix import LabelledMatrix
-from cmsreduce.read.matrix import read_matrix
+from cmsreduce.read.matrix import read_matrix, read_rows
 from cmsreduce.read.reduced.modal_body import ModalBody
 
 __all__ = ["read_modes", "with_rigid_motions"]

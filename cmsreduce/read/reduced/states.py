@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, MatrixError, ReadError
 from cmsreduce.linalg.blocks import svd
 from cmsreduce.model import Source, Units
-from cmsreduce.read.file_kind import read_rows
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.geometry import read_geometry
-from cmsreduce.read.matrix import matrix_names, read_matrix
+from cmsreduce.read.matrix import matrix_names, read_matrix, read_rows
 from cmsreduce.read.reduced.modal_body import ModalBody
 from cmsreduce.read.reduced.modes import with_rigid_motions
 

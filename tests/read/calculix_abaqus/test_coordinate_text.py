@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read import detect_format, matrix_names, read_matrix
-from cmsreduce.read.file_kind import file_kind, read_rows
+from cmsreduce.read import detect_format, file_kind, matrix_names, read_matrix, read_rows
 
 K = np.array([[3.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 2.0e7, -1.0], [0.0, -1.0, 1.0]])
 MIXED = np.triu(K) + np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]]) * K[0, 1]

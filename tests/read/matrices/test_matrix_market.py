@@ -74,6 +74,10 @@ def test_comments_and_blank_lines_may_follow_entries(tmp_path: Path, tail: str) 
         (HEAD + "1 1 2.0\n2 4 3.0\n", "row 2, column 4 of a 3 x 3"),
         (HEAD + "1 1 2.0\n0 2 3.0\n", "row 0, column 2 of a 3 x 3"),
         (HEAD + "% c\n1 1 2.0\n2 2 3.O\n", "line 6.*: '2 2 3.O' is not an entry"),
+        (
+            HEAD + "1 1 2,5e3\n2 2 3,0\n",
+            "line 4: '1 1 2,5e3' is not an entry .* comma: write numbers with a point",
+        ),
         (HEAD + "1 1 2.0\n2 2 3.O\n", "line 5.*: '2 2 3.O' is not an entry"),
         # scipy's own reader ends the process on such a file.
         (HEAD + "1 1 2.0\n2 2 6.7976501741784666E", "line 5 .the last of the file, so it is probably truncated"),
