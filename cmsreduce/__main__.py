@@ -1,6 +1,6 @@
 """The program as ``python -m cmsreduce``."""
 
-from cmsreduce.cli.__main__ import start
+import runpy
 
 if __name__ == "__main__":
-    start()
+    runpy.run_module("cmsreduce.cli", run_name="__main__", alter_sys=True)
