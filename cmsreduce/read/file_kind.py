@@ -60,7 +60,7 @@ _NO_MODEL = "name the matrices and the deck or mesh of the body"
 _SAVE = "`scipy.io.savemat('body.mat', {{'K': K, 'M': M}})` saves matrices to a file that is read"
 _NAMED_IN_HDF5 = 4
 # Meshes of numbers alone, which meshio finds by the name.
-_MESHES_OF_NUMBERS = frozenset({".node", ".ele", ".ugrid"})
+_MESHES_OF_NUMBERS = frozenset({".avs", ".ele", ".node", ".ugrid"})
 
 
 @dataclass(frozen=True)
@@ -116,15 +116,10 @@ _SID = rb"^[^\S\n]*part[^\S\n]*\n\s*new modal\b"
 # With remarks, separated as spreadsheets do, and by name.
 _DOF = rb"\d+(?:(?:\.|[ \t]*,[ \t]*)[0-6]|[ \t.,]+(?:(?:D|U|R|T|DR|ROT)?[XYZ]|UR?[123]))"
 _DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*N?" + _DOF + rb"\s*\n){2}"
-_CELL = rb"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[ED][+-]?\d+)?"
-_TABLE = (
-    rb"\A(?:\xef\xbb\xbf)?(?:[^\n]*[A-Z_][^\n]*\n)?(?:[ \t]*"
-    + _CELL
-    + rb"(?:[ \t]*[;,\t ]"
-    + rb"[ \t]*"
-    + _CELL
-    + rb")+\s*\n){2}"
-)
+# Lines of two numbers or more, under names of columns or without.
+_NAMES = rb"(?:[\"A-Z_][^\n;,\t]*+[;,\t][^\n]*+\n)?"
+_NUMBERS = rb"(?=[ \t]*+[+-]?[.\d])(?=[^\n]*\d[;,\t ]++[+-]?\.?\d)[\d+.,;ED\t\r -]++\n"
+_TABLE = rb"\A(?:\xef\xbb\xbf)?" + _NAMES + 2 * _NUMBERS
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:[^\S\n]*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 _MARKS = (

@@ -40,7 +40,7 @@ def read_geometry(path: Path) -> Geometry:
     Returns
     -------
     Geometry
-        With the node ids of the file; meshio has none, so its nodes count from 1 in order of the file.
+        With the node ids of the file; where it has none, its nodes count from 1 in order of the file.
 
     Raises
     ------

@@ -25,15 +25,53 @@ _VTK_KINDS = {
 
 
 def mesh(path: str, format: str | None = None) -> Arrays:
-    """Points, and cells by number and kind, of a mesh that meshio reads."""
+    """Points, their numbers if the file has such, and cells by number and kind, of a mesh that meshio reads."""
     import meshio
     import numpy as np
 
+    numbers = keep_numbers()
     found = meshio.read(path, format)
+    if numbers and path.lower().endswith(".mdpa"):
+        # meshio takes the number of a point for its place.
+        for block in found.cells:
+            block.data[...] = np.searchsorted(numbers[0], block.data + 1)
     cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
     named = named_points(found)
     sets = {f"set {number}": ids for number, ids in enumerate(named.values())}
-    return {"points": np.asarray(found.points), "names": np.array(list(named), dtype=str), **cells, **sets}
+    own = {"number": numbers[0]} if numbers else {}
+    return {"points": np.asarray(found.points), "names": np.array(list(named), dtype=str), **own, **cells, **sets}
+
+
+def keep_numbers() -> list[Any]:
+    """Make meshio keep the numbers of points in files of gmsh and Kratos, which it drops; they come in this list."""
+    import numpy as np
+    from meshio.gmsh import _gmsh22, _gmsh40, _gmsh41
+    from meshio.mdpa import _mdpa
+
+    kept: list[Any] = []
+    for version, first in ((_gmsh22, 0), (_gmsh40, 0), (_gmsh41, 1)):
+
+        def numbered(*told: Any, read: Callable[..., Any] = version._read_nodes, first: int = first) -> Any:
+            found = read(*told)
+            kept.append(np.asarray(found[1], dtype=np.int64) + first)
+            return found
+
+        version._read_nodes = numbered
+    points_of = _mdpa._read_nodes
+
+    def sorted_points(file: Any, *told: Any) -> Any:
+        # Rows of Kratos are in order of the numbers.
+        start = file.tell()
+        points = points_of(file, *told)
+        end = file.tell()
+        file.seek(start)
+        number = np.fromfile(file, count=4 * len(points), sep=" ")[::4].astype(np.int64)
+        file.seek(end)
+        kept.append(np.sort(number))
+        return points[np.argsort(number)]
+
+    _mdpa._read_nodes = sorted_points
+    return kept
 
 
 def named_points(mesh: Any) -> dict[str, Any]:

@@ -37,7 +37,10 @@ _CONTINUED = re.compile(
     rb"^[ \t]*\*[ \t]*[A-Za-z][^\n]*,[ \t]*(?:\n[ \t]*[A-Za-z][^\n]*,[ \t]*)*\n[ \t]*[A-Za-z][^\n]*", re.MULTILINE
 )
 # Keywords of files that hold something else: decks, and substructures, whose lists of dofs read like entries.
-_OTHER_KEYWORD = re.compile(r"\s*\*\s*(?:USER\s*ELEMENT|MATRIX(?=\s*,)|HEADING|PART|NODE|ELEMENT)\b", re.IGNORECASE)
+# The version of a gmsh file reads like one, too.
+_OTHER_KEYWORD = re.compile(
+    r"\s*(?:\*\s*(?:USER\s*ELEMENT|MATRIX(?=\s*,)|HEADING|PART|NODE|ELEMENT)|\$MeshFormat)\b", re.IGNORECASE
+)
 _FACTOR = re.compile(rb"SCALEFACTOR=([^,\n]*)")
 _DIGITS = {str(component): component for component in range(7)}
 _DOF = re.compile(r"N?(\d+)(?:\s*[.,;]\s*|\s+)(\w+)", re.IGNORECASE)

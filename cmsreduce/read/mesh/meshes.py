@@ -1,4 +1,4 @@
-"""Nodes and elements of a mesh that meshio reads, numbered from 1 in order of the file, and of MED files."""
+"""Nodes and elements of a mesh that meshio reads, by the numbers of gmsh, Kratos and MED files or from 1."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _mesh_cells(path: Path) -> Cells:
 
 
 def _numbers(arrays: Arrays) -> NDArray[np.int64]:
-    """Numbers of the nodes: those of the file, which meshio has not, or counted from 1."""
+    """Numbers of the nodes: those of the file, or counted from 1 in its order."""
     return arrays.get("number", np.arange(1, len(arrays["points"]) + 1)).astype(np.int64)
 
 

@@ -1,0 +1,41 @@
+"""Nodes of meshes have the numbers of their file, which meshio drops."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cmsreduce.read import file_kind, read_geometry
+from cmsreduce.read.geometry import read_cells
+
+PLACES = {20: (0.0, 0.0, 0.0), 40: (1.0, 0.0, 0.0), 30: (0.0, 2.0, 0.0), 70: (0.0, 0.0, 3.0)}
+NODES = "".join(f"{id} {x} {y} {z}\n" for id, (x, y, z) in PLACES.items())
+# By the manual of gmsh, and by Kratos' wiki.
+FILES = {
+    "a22.msh": f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n{NODES}$EndNodes\n"
+    "$Elements\n1\n1 4 2 0 1 20 40 30 70\n$EndElements\n",
+    "a41.msh": "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 20 70\n3 1 0 4\n"
+    + "".join(f"{id}\n" for id in PLACES)
+    + "".join("{} {} {}\n".format(*place) for place in PLACES.values())
+    + "$EndNodes\n$Elements\n1 1 1 1\n3 1 4 1\n1 20 40 30 70\n$EndElements\n",
+    "a.mdpa": f"Begin Nodes\n{NODES}End Nodes\nBegin Elements Tetrahedra3D4\n1 0 20 40 30 70\nEnd Elements\n",
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_numbers_with_gaps_are_those_of_the_file(tmp_path: Path, name: str) -> None:
+    """Nodes were counted in order of the file: node 3 of a pipeline was another one than that of gmsh's window."""
+    path = tmp_path / name
+    path.write_text(FILES[name])
+    nodes = read_geometry(path).nodes
+    # Rows of Kratos are in order of the numbers, those of other programs in order of the file.
+    assert nodes.id.tolist() == (sorted(PLACES) if name == "a.mdpa" else list(PLACES))
+    assert np.array_equal(nodes.xyz, [PLACES[id] for id in nodes.id])
+    assert read_cells(path)["tetra"].tolist() == [[20, 40, 30, 70]]
+
+
+def test_the_version_of_a_gmsh_file_is_no_entry_of_a_matrix(tmp_path: Path) -> None:
+    (tmp_path / "a.msh").write_text("$MeshFormat\n4 0 8\n$EndMeshFormat\n$Entities\n0 0 0 0\n$EndEntities\n")
+    assert file_kind(tmp_path / "a.msh").name == "mesh"
