@@ -10,14 +10,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.model import DofTable, FEModel, Nodes, entry_errors, last_digits, rigid_body_shapes
+from cmsreduce.model import DofTable, FEModel, Nodes, entry_errors, last_digits
 from cmsreduce.read.row_order.deck_causes import hourglass_stiffness, preload
 from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
 from cmsreduce.read.row_order.places_by_motion import other_labels
-from cmsreduce.read.row_order.quiet_rows import LOUD, QUIET, quiet_share
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["Failure", "likely_cause", "mistaken_matrices", "other_order", "rounded_rows", "shuffled_nodes"]
+__all__ = ["Failure", "likely_cause", "other_order", "rounded_rows", "shuffled_nodes"]
 
 _NAMED = 5
 # A spring to ground loads only its own node; a mislabelled node also loads all its neighbours.
@@ -96,6 +95,7 @@ def likely_cause(case: Failure) -> str:
         _axes_of_others,
         _order_of_appearance,
         _component_by_component,
+        _turns_in_a_plane,
         _other_length_unit,
         _mislabelled,
         _places_by_motion,
@@ -107,27 +107,6 @@ def likely_cause(case: Failure) -> str:
         _unexplained,
     )
     return next(filter(None, (cause(case) for cause in causes)))
-
-
-def mistaken_matrices(case: Failure) -> str | None:
-    """Message if the stiffness and the mass have each other's place, or the mass stands for both."""
-    body = case.body
-    T = rigid_body_shapes(body.dofs, case.nodes)[:, :3]
-    if quiet_share(body.K, T) > LOUD:
-        return None
-    named = ", ".join(
-        dict.fromkeys(source.path for source in body.sources if "stiffness" in source.holds or "mass" in source.holds)
-    )
-    files = f" ({named})" if named else ""
-    if quiet_share(body.M, T) >= QUIET:
-        return (
-            f"the stiffness and the mass{files} are exchanged: translations cost no force in the matrix that is given "
-            f"as mass, and do in the other. Exchange the two, `components.{body.name}.stiffness` and `.mass`"
-        )
-    same = body.K.nnz == body.M.nnz and not abs(body.K - body.M).sum()
-    if not same:
-        return None
-    return f"the mass{files} is given as stiffness, too. Name the stiffness under `components.{body.name}.stiffness`"
 
 
 def _displacements_in_basic(case: Failure) -> str | None:
@@ -199,6 +178,22 @@ def _component_by_component(case: Failure) -> str | None:
                 "vanish. Give the order as a list of node.component, one a line, under `rows:`"
             )
     return None
+
+
+def _turns_in_a_plane(case: Failure) -> str | None:
+    """The third dof of each node is a rotation, as in programs for plane frames."""
+    body, nodes = case.body, case.nodes
+    component = body.dofs.component
+    if (component < 1).any() or (component > 3).any() or np.ptp(nodes.xyz[nodes.index(body.dofs.node), 2]):
+        return None
+    plane = DofTable(body.dofs.node, np.where(component == 3, 6, component))
+    found = rigid_residual(body.K, plane, nodes, body.constrained, body.rounding, case.condensed)
+    if not found.vanishes or not found.motions.shape[1]:
+        return None
+    return (
+        "the third dof of each node is its rotation about z, as in programs for plane frames: so the forces vanish. "
+        "Name it 6 in a list of node.component under `rows:`, such as 12.1, 12.2, 12.6, one a line"
+    )
 
 
 def _other_length_unit(case: Failure) -> str | None:

@@ -16,11 +16,11 @@ from cmsreduce.read.row_order.held_body import held_rows
 from cmsreduce.read.row_order.likely_cause import (
     Failure,
     likely_cause,
-    mistaken_matrices,
     other_order,
     rounded_rows,
     shuffled_nodes,
 )
+from cmsreduce.read.row_order.quiet_rows import mistaken_matrices
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
 __all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
@@ -197,7 +197,7 @@ def _by_rigid_motions(body: FEModel, geometry: Nodes) -> RowOrderProof:
         return RowOrderProof("proven", motions, residual, tolerance, "", *errors)
     nodes, share = _loaded_nodes(body, found)
     failure = Failure(body, geometry, found, condensed, nodes)
-    if (mistaken := mistaken_matrices(failure)) is not None:
+    if (mistaken := mistaken_matrices(body, geometry)) is not None:
         raise DofMapError(f"body '{body.name}': {mistaken}")
     head = _not_proven(body, nodes, share, float(found.allowed[row]))
     raise DofMapError(f"{head}. Likely cause: {likely_cause(failure)}")

@@ -7,8 +7,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
+from cmsreduce.model import FEModel, Nodes, rigid_body_shapes
 
-__all__ = ["LOUD", "QUIET", "quiet_share"]
+__all__ = ["LOUD", "QUIET", "mistaken_matrices", "quiet_share"]
 
 QUIET = 0.5
 """Least share of rows without force of a stiffness, whose supports disturb the rows next to them."""
@@ -34,3 +35,23 @@ def quiet_share(A: sp.csc_array, T: NDArray[np.float64]) -> float:
     whole, force = absolute_product(A)(abs(T)).max(axis=1), abs(symmetric_product(A)(T)).max(axis=1)
     rows = (abs(T).sum(axis=1) > 0) & (whole > 0)
     return float((force[rows] <= _NO_FORCE * whole[rows]).mean()) if rows.any() else 0.0
+
+
+def mistaken_matrices(body: FEModel, nodes: Nodes) -> str | None:
+    """Message if the stiffness and the mass have each other's place, or the mass stands for both."""
+    T = rigid_body_shapes(body.dofs, nodes)[:, :3]
+    if quiet_share(body.K, T) > LOUD:
+        return None
+    named = ", ".join(
+        dict.fromkeys(source.path for source in body.sources if "stiffness" in source.holds or "mass" in source.holds)
+    )
+    files = f" ({named})" if named else ""
+    if quiet_share(body.M, T) >= QUIET:
+        return (
+            f"the stiffness and the mass{files} are exchanged: translations cost no force in the matrix that is given "
+            f"as mass, and do in the other. Exchange the two, `components.{body.name}.stiffness` and `.mass`"
+        )
+    same = body.K.nnz == body.M.nnz and not abs(body.K - body.M).sum()
+    if not same:
+        return None
+    return f"the mass{files} is given as stiffness, too. Name the stiffness under `components.{body.name}.stiffness`"

@@ -263,6 +263,25 @@ def block_a(shared_data: Path) -> FEModel:
     )
 
 
+def test_a_rotation_that_is_called_z_is_named() -> None:
+    """Programs for plane frames have x, y and a rotation at each node, and call the rotation its third dof."""
+    xyz = np.array([[0.0, 0, 0], [0, 1, 0], [1, 1.2, 0], [2, 1, 0]])
+    K = np.zeros((12, 12))
+    for k in range(3):
+        x, y = xyz[k + 1, :2] - xyz[k, :2]
+        # Elongation and the two rotations against the chord, of EA = 100 and EI = 2 on the length.
+        size = np.hypot(x, y)
+        chord = np.array([y, -x, 0, -y, x, 0]) / size**2
+        along = np.array([-x, -y, 0, x, y, 0]) / size
+        B = np.array([along, np.eye(6)[2] - chord, np.eye(6)[5] - chord])
+        K[3 * k : 3 * k + 6, 3 * k : 3 * k + 6] += B.T @ [[100, 0, 0], [0, 8, 4], [0, 4, 8]] @ B / size
+    parts = {"K": sp.csc_array(K), "M": sp.csc_array(np.eye(12)), "nodes": Nodes.in_basic(np.arange(1, 5), xyz)}
+    node = np.repeat(np.arange(1, 5), 3)
+    assert prove_row_order(FEModel("frame", dofs=DofTable(node, np.tile([1, 2, 6], 4)), **parts)).status == "proven"
+    said = refusal(FEModel("frame", dofs=DofTable(node, np.tile([1, 2, 3], 4)), **parts))
+    assert "the third dof of each node is its rotation about z" in said and "such as 12.1, 12.2, 12.6" in said
+
+
 @pytest.mark.shared
 class TestBlock:
     """A solid of 525 nodes: a fault at one node leaves most of the body in order."""
