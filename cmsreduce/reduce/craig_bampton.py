@@ -26,12 +26,14 @@ from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.characteristic import InterfaceMotions, InterfaceReduction
 from cmsreduce.reduce.macneal_rubin import free_modes_and_residuals
 from cmsreduce.reduce.reduction import Reduction
-from cmsreduce.reduce.static_shapes import Loads, residual_shapes
+from cmsreduce.reduce.static_shapes import Loads, few_digits, residual_shapes
 
 __all__ = ["CraigBampton", "Guyan"]
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
+
+_RIGID = 6  # a free body has no more motions
 
 
 class CraigBampton(Reduction):
@@ -88,10 +90,11 @@ class CraigBampton(Reduction):
             return free_modes_and_residuals(self.method, body, rigid, cutoff_hz, loads, names, known=known)
         held = motions_held(rigid, interface)
         if held < rigid.shape[1]:
+            digits = few_digits(body) if rigid.shape[1] > _RIGID else ""
             raise SingularInterfaceError(
                 f"body '{body.name}' has {rigid.shape[1]} rigid-body motions, but its {interface.size} interface dofs "
                 f"hold only {held} of them, so {self.method} has no constraint modes. Add interface dofs (three "
-                "translations at three nodes not in line, or a node with rotations)"
+                f"translations at three nodes not in line, or a node with rotations){digits}"
             )
         omega, j = 2 * np.pi * cutoff_hz, np.delete(np.arange(body.n), interface)
         Kjj, Mjj = part(body.K, j), sp.csc_array(body.M[j][:, j])
@@ -103,7 +106,7 @@ class CraigBampton(Reduction):
             raise SingularInterfaceError(
                 f"body '{body.name}': with its {interface.size} interface dofs held, dof "
                 f"{body.dofs.labels[j[error.row]]} still moves freely ({error}). Add interface dofs that hold it, or "
-                "remove the mechanism"
+                f"remove the mechanism{few_digits(body)}"
             ) from None
         w, phi, certificate = np.empty(0), np.empty((j.size, 0)), None
         if omega > 0 and j.size:

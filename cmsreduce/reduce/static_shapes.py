@@ -31,7 +31,7 @@ from cmsreduce.linalg.sparse import (
 )
 from cmsreduce.model import FEModel
 
-__all__ = ["Loads", "elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]
+__all__ = ["Loads", "elastic_solve", "few_digits", "independent_columns", "residual_shapes", "unit_loads"]
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -180,14 +180,20 @@ def elastic_solve(body: FEModel, rigid: Array, interface: Rows | None = None) ->
             return factorise(body.K, what=what, kept=True)
         return held_factor(body.K, rigid, what, interface)[-1]
     except NotPositiveDefiniteError as error:
-        if body.stiffness_rounding < _FEW_DIGITS:
+        if not (digits := few_digits(body)):
             raise
-        raise NotPositiveDefiniteError(
-            f"{error}. Its entries are known to {body.stiffness_rounding:.0e} of their size, which soft motions, "
-            "as of a thin plate, may need: write the matrices with all digits of a double-precision number, in text "
-            "with sixteen",
-            error.row,
-        ) from error
+        raise NotPositiveDefiniteError(f"{error}{digits}", error.row) from error
+
+
+def few_digits(body: FEModel) -> str:
+    """Sentence for a refusal that the digits of the stiffness may explain; empty if it has those of a double."""
+    if body.stiffness_rounding < _FEW_DIGITS:
+        return ""
+    return (
+        f". The entries of its stiffness are known to {body.stiffness_rounding:.0e} of their size, which soft motions, "
+        "as of a thin plate or rod, may need: write the matrices with all digits of a double-precision number, in text "
+        "with sixteen"
+    )
 
 
 def unit_loads(n: int, rows: Rows, others: Array | None = None) -> sp.csc_array:

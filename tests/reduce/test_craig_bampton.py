@@ -1,5 +1,7 @@
 """Craig-Bampton and Guyan bases of frames: the checks of theory section 2."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -195,6 +197,16 @@ def test_an_interface_that_does_not_hold_the_body_is_refused(interfaces, dofs, h
     message = rf"'tower' has 6 rigid-body motions, but its {dofs} interface dofs hold only {held} of them"
     with pytest.raises(SingularInterfaceError, match=message):
         CraigBampton(100.0).reduce(body, i_set(body))
+
+
+@pytest.mark.parametrize(("rounding", "named"), [(5e-9, True), (0.0, False)])
+def test_few_digits_are_named_where_a_body_moves_too_freely(rounding, named):
+    """A thin rod with entries of eight digits has more motions without force than a rigid one."""
+    body = tower({"a": 1})
+    rigid = np.linalg.qr(np.column_stack([rigid_body_shapes(body.dofs, body.nodes), np.eye(body.n)[:, 30]]))[0]
+    with pytest.raises(SingularInterfaceError, match="has 7 rigid-body motions") as caught:
+        CraigBampton(100.0).basis(replace(body, rounding=rounding), i_set(body), rigid, np.zeros((body.n, 0)))
+    assert ("known to 5e-09 of their size" in str(caught.value)) is named
 
 
 def test_a_mechanism_behind_the_interface_is_named():
