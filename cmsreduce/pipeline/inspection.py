@@ -36,7 +36,7 @@ from cmsreduce.pipeline.results import (
 )
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import collecting, diagnostic
-from cmsreduce.read import FileKind, file_kind, matrix_names, read_geometry, read_rows
+from cmsreduce.read import FileKind, Geometry, file_kind, matrix_names, read_rows, read_unmarked
 from cmsreduce.report import InspectedLine, check_line, health_lines
 from cmsreduce.write import ComponentFile, read_component, summary
 
@@ -164,7 +164,7 @@ def _model_file(kind: FileKind, path: Path) -> Inspected:
         words = f"a list of {len(dofs)} dofs of {np.unique(dofs.node).size} nodes: {kind.step}"
         return Inspected([InspectedLine(words)], {"kind": "rows", "dofs": len(dofs)})
     if not kind.matrices:
-        return _geometry(path)
+        return _geometry(read_unmarked(path, kind))
     rows, matrices = [InspectedLine(f"format {kind.matrices}")], []
     for info in matrix_names(path):
         about = ", ".join(part for part in (info.form, info.numbers) if part)
@@ -173,8 +173,7 @@ def _model_file(kind: FileKind, path: Path) -> Inspected:
     return Inspected(rows, {"kind": "matrices", "format": kind.matrices, "matrices": matrices})
 
 
-def _geometry(path: Path) -> Inspected:
-    geometry = read_geometry(path)
+def _geometry(geometry: Geometry) -> Inspected:
     nodes, sets = geometry.nodes, {**geometry.rows, **geometry.sets}
     rows, data = [InspectedLine(f"geometry of {len(nodes)} nodes")], {"kind": "geometry", "nodes": len(nodes)}
     if len(nodes):

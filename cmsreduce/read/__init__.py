@@ -11,7 +11,7 @@ from cmsreduce.read.differential_stiffness import read_differential_stiffness
 from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect_kind, file_kind
 from cmsreduce.read.files import files_read, refuse_rewritten, sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
-from cmsreduce.read.geometry import deck_statement, read_cells, read_geometry
+from cmsreduce.read.geometry import deck_statement, read_cells, read_geometry, read_unmarked
 from cmsreduce.read.inner_grids import with_inner_grids
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, Nearby
 from cmsreduce.read.labelled_matrix import LabelledMatrix
@@ -103,6 +103,7 @@ __all__ = [
     "read_rows",
     "read_sid",
     "read_states",
+    "read_unmarked",
     "read_universal_modes",
     "refuse_rewritten",
     "sha256_of",

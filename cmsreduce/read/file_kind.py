@@ -247,7 +247,8 @@ def file_kind(path: Path) -> FileKind:
         if mark.detect(head[:_START]) and not (mark.name == "table" and path.suffix.lower() in _MESHES_OF_NUMBERS):
             return FileKind(mark.name, mark.words, "", mark.geometry, mark.step.format(path=path))
     start = head[:24].decode("ascii", "backslashreplace")
-    return FileKind("unknown", f"of no known format; it starts with {' '.join(start.split())!r}")
+    words = f"of no known format; it starts with {' '.join(start.split())!r}"
+    return FileKind("unknown", words, step=f"If it holds matrices: {_SAVE.format()}")
 
 
 def matrix_format(path: Path, head: bytes) -> MatrixFormat | None:

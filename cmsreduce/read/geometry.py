@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import SCALAR, DofTable, Nodes, Units, units_of
 from cmsreduce.read.calculix_abaqus import expansion_beside
-from cmsreduce.read.file_kind import GEOMETRY_HEAD, file_kind, geometry_format
+from cmsreduce.read.file_kind import GEOMETRY_HEAD, FileKind, file_kind, geometry_format
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.mesh import MESH
 from cmsreduce.read.stated import StatedEnergy, StatedMass
 
-__all__ = ["deck_statement", "in_terms_of", "other_length", "read_cells", "read_geometry"]
+__all__ = ["deck_statement", "in_terms_of", "other_length", "read_cells", "read_geometry", "read_unmarked"]
 
 # Files state factors between units with four digits or more.
 _SAME_UNIT = 1e-3
@@ -66,6 +66,22 @@ def read_geometry(path: Path) -> Geometry:
         )
     head = read_head(path, GEOMETRY_HEAD, f"{path}: the geometry").decode("latin-1")
     return replace(found, length=format.length(head.replace("\r", "")))
+
+
+def read_unmarked(path: Path, kind: FileKind) -> Geometry:
+    """Read the geometry of a file that may hold anything; one of unknown kind may be a mesh without a mark.
+
+    Raises
+    ------
+    ReadError
+        As of ``read_geometry``; of a file of unknown kind with what to do if it holds matrices.
+    """
+    try:
+        return read_geometry(path)
+    except ReadError as error:
+        if kind.name != "unknown":
+            raise
+        raise ReadError(f"{str(error).rstrip('.')}. {kind.step}") from error
 
 
 def other_length(body: str, shape: Geometry, units: Units) -> tuple[str, ...]:

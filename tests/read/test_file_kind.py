@@ -198,6 +198,18 @@ def test_commands_say_what_they_were_given(
     assert message in done.output
 
 
+@pytest.mark.parametrize("command", [("inspect",), ("new", "body")])
+def test_a_file_of_unknown_kind_may_be_a_matrix(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    """It was refused as a mesh alone, here one that MFEM prints."""
+    monkeypatch.chdir(tmp_path)
+    Path("K.txt").write_text("[row 0]\n(0,2) (1,-1)\n[row 1]\n(0,-1) (1,2)\n")
+    done = CliRunner().invoke(main, [*command, "K.txt"])
+    assert done.exit_code == 2
+    assert "no geometry in a format" in done.output and "If it holds matrices: `scipy.io.savemat(" in done.output
+
+
 @pytest.mark.shared
 @pytest.mark.parametrize(
     ("file", "name"),

@@ -11,7 +11,17 @@ from pathlib import Path
 from cmsreduce.config import BodyDraft
 from cmsreduce.errors import ReadError
 from cmsreduce.pipeline.drafts.matrix_roles import Candidate, matrices_of, stiffness_and_mass
-from cmsreduce.read import FORMATS, FileKind, Geometry, LabelledMatrix, file_kind, read_geometry, read_rows, sha256_of
+from cmsreduce.read import (
+    FORMATS,
+    FileKind,
+    Geometry,
+    LabelledMatrix,
+    file_kind,
+    read_geometry,
+    read_rows,
+    read_unmarked,
+    sha256_of,
+)
 
 __all__ = ["bodies_of_files", "body_names", "deck_beside"]
 
@@ -120,7 +130,7 @@ def _kinds(files: Sequence[Path]) -> dict[Path, FileKind]:
             if kind.name != "unknown":
                 said = kind.step or f"`cmsreduce inspect {path}` shows what is in it"
                 raise ReadError(f"{path}: this is {kind.words}, which holds no matrix and no nodes: {said}")
-            read_geometry(path)
+            read_unmarked(path, kind)
             kind = FileKind("mesh", kind.words, "", "mesh")
         kinds[path] = kind
     return kinds
