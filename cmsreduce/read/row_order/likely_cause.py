@@ -75,7 +75,7 @@ class Failure:
 
 def other_order(case: Failure) -> str | None:
     """Another order of the rows of a held body, if it leaves fewer than half of the nodes with force."""
-    return _order_of_appearance(case) or _component_by_component(case)
+    return _order_of_appearance(case) or _component_by_component(case) or _rotations_first(case)
 
 
 def shuffled_nodes(case: Failure) -> str | None:
@@ -95,6 +95,7 @@ def likely_cause(case: Failure) -> str:
         _axes_of_others,
         _order_of_appearance,
         _component_by_component,
+        _rotations_first,
         _turns_in_a_plane,
         _other_length_unit,
         _mislabelled,
@@ -176,6 +177,19 @@ def _component_by_component(case: Failure) -> str | None:
             return (
                 "the rows are sorted by component (all x, then all y, ...), not node by node: in that order the forces "
                 "vanish. Give the order as a list of node.component, one a line, under `rows:`"
+            )
+    return None
+
+
+def _rotations_first(case: Failure) -> str | None:
+    """The rows of each node begin with its rotations, as Kratos sorts them."""
+    dofs = case.body.dofs
+    for keys in (dofs.node, _rank(case)):
+        other = _reordered(dofs, np.lexsort((dofs.component, dofs.component <= 3, keys)))
+        if other is not None and case.explains(dofs=other):
+            return (
+                "the rotations of each node stand before its translations, as Kratos sorts them: in that order the "
+                "forces vanish. Give the order as a list of node.component, one a line, under `rows:`"
             )
     return None
 

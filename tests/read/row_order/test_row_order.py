@@ -263,6 +263,14 @@ def block_a(shared_data: Path) -> FEModel:
     )
 
 
+def test_rotations_before_translations_are_named(space_frame: Frame) -> None:
+    """Kratos sorts the dofs of a node of a shell in this way."""
+    body = space_frame()
+    order = np.lexsort((body.dofs.component, body.dofs.component <= 3, body.dofs.node))
+    said = refusal(replace(body, K=body.K[order][:, order]))
+    assert "the rotations of each node stand before its translations" in said
+
+
 def test_a_rotation_that_is_called_z_is_named() -> None:
     """Programs for plane frames have x, y and a rotation at each node, and call the rotation its third dof."""
     xyz = np.array([[0.0, 0, 0], [0, 1, 0], [1, 1.2, 0], [2, 1, 0]])
