@@ -50,8 +50,8 @@ CELL_CORNERS = {
 }
 """Corner nodes of each kind of cell, by meshio's names."""
 
-NODE_ROWS = {"translations": 3, "six": 6}
-"""Dofs at every node, sorted by node: the rows that a matrix may have where no deck defines its sets."""
+NODE_ROWS = {"translations": 3, "six": 6, "plane": 2}
+"""Dofs at every node: the rows that a matrix may have where no deck defines its sets."""
 
 _NAMES = ("UX UY UZ ROTX ROTY ROTZ", "DX DY DZ DRX DRY DRZ", "U1 U2 U3 UR1 UR2 UR3", "X Y Z RX RY RZ", "TX TY TZ")
 COMPONENTS = {name: component for names in _NAMES for component, name in enumerate(names.split(), start=1)}
@@ -213,9 +213,13 @@ class Geometry:
     means: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
 
     @classmethod
-    def of_mesh(cls, path: Path, nodes: Nodes) -> Geometry:
-        """Geometry of a mesh, which defines no dof sets."""
-        return cls(path, nodes, {name: rows_of_nodes(nodes, count) for name, count in NODE_ROWS.items()}, files=(path,))
+    def of_mesh(cls, path: Path, nodes: Nodes, ids: NDArray[np.int64] | None = None) -> Geometry:
+        """Geometry of a mesh, which defines no dof sets; rows are sorted by node, or have the order of some ids."""
+        ids = np.sort(nodes.id) if ids is None else ids
+        # In a plane body nodes move along x and y alone.
+        plane = len(nodes) > 2 and not np.ptp(nodes.xyz[:, 2])
+        rows = {name: rows_of_nodes(ids, count) for name, count in NODE_ROWS.items() if plane or name != "plane"}
+        return cls(path, nodes, rows, files=(path,))
 
     def table(self, name: str) -> DofTable:
         """Dof table of a set that the user names.
@@ -266,9 +270,8 @@ class GeometryFormat:
     length: Callable[[str], StatedLength | None] = lambda head: None
 
 
-def rows_of_nodes(nodes: Nodes, count: int) -> DofTable:
-    """The first components 1..count of every node, sorted by node."""
-    ids = np.sort(nodes.id)
+def rows_of_nodes(ids: NDArray[np.int64], count: int) -> DofTable:
+    """Components 1..count of every node."""
     return DofTable(np.repeat(ids, count), np.tile(np.arange(1, count + 1, dtype=np.int8), ids.size))
 
 

@@ -37,7 +37,8 @@ def _mesh_geometry(path: Path) -> Geometry:
     named = {str(name): np.asarray(arrays[f"set {k}"], np.int64) for k, name in enumerate(arrays.get("names", ()))}
     if any(ids.min() < 0 or ids.max() >= number.size for ids in named.values()):
         raise ReadError(f"{path}: a set names a point that is not there; write the mesh again")
-    mesh = Geometry.of_mesh(path, Nodes.in_basic(number, xyz, rounding))
+    # Python programs that read a mesh through meshio have its points in order of the file.
+    mesh = Geometry.of_mesh(path, Nodes.in_basic(number, xyz, rounding), None if is_med(path) else number)
     return replace(mesh, node_sets={name: number[ids] for name, ids in named.items()})
 
 

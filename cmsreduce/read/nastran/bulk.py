@@ -278,7 +278,7 @@ def _deck_geometry(path: Path) -> Geometry:
         rows, sets = ({name: modal_points(table, modal) for name, table in each.items()} for each in (rows, sets))
     nodes = _without(deck.nodes, modal)
     if len(nodes):
-        translations = rows_of_nodes(nodes, 3)
+        translations = rows_of_nodes(np.sort(nodes.id), 3)
         keys = translations.node * KEY_STEP + translations.component
         rows["translations"] = DofTable.from_keys(keys_without(keys, deck.constrained))
     held, named = DofTable.from_keys(deck.constrained), deck.node_sets

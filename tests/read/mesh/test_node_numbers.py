@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
-from cmsreduce.read import file_kind, read_geometry
+from cmsreduce.read import MatrixSource, file_kind, prove_row_order, read_body, read_geometry
 from cmsreduce.read.geometry import read_cells
 
 PLACES = {20: (0.0, 0.0, 0.0), 40: (1.0, 0.0, 0.0), 30: (0.0, 2.0, 0.0), 70: (0.0, 0.0, 3.0)}
@@ -29,11 +31,34 @@ def test_numbers_with_gaps_are_those_of_the_file(tmp_path: Path, name: str) -> N
     """Nodes were counted in order of the file: node 3 of a pipeline was another one than that of gmsh's window."""
     path = tmp_path / name
     path.write_text(FILES[name])
-    nodes = read_geometry(path).nodes
+    shape = read_geometry(path)
+    nodes = shape.nodes
     # Rows of Kratos are in order of the numbers, those of other programs in order of the file.
-    assert nodes.id.tolist() == (sorted(PLACES) if name == "a.mdpa" else list(PLACES))
+    order = sorted(PLACES) if name == "a.mdpa" else list(PLACES)
+    assert nodes.id.tolist() == order and shape.rows["translations"].node[::3].tolist() == order
     assert np.array_equal(nodes.xyz, [PLACES[id] for id in nodes.id])
     assert read_cells(path)["tetra"].tolist() == [[20, 40, 30, 70]]
+
+
+def test_a_plane_body_has_two_rows_for_each_node(tmp_path: Path) -> None:
+    """Programs for plane problems have no row along z; it took a list of all rows."""
+    xyz = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 2, 0]])
+    meshio.Mesh(xyz, [("quad", [[0, 1, 2, 3]])]).write(tmp_path / "plate.vtu")
+    # Six springs of a braced quadrangle, which resist no plane motion of the whole.
+    K = np.zeros((8, 8))
+    for a, b in combinations(range(4), 2):
+        pull = np.zeros((4, 2))
+        pull[a] = (xyz[a] - xyz[b])[:2] / np.linalg.norm(xyz[a] - xyz[b])
+        pull[b] = -pull[a]
+        K += np.outer(pull.ravel(), pull.ravel())
+    np.savez(tmp_path / "plate.npz", K=K, M=np.eye(8))
+    K_and_M = {what: MatrixSource(tmp_path / "plate.npz", name) for what, name in (("stiffness", "K"), ("mass", "M"))}
+    body = read_body("plate", **K_and_M, geometry=tmp_path / "plate.vtu")
+    assert list(body.dofs.labels)[:3] == ["1.1", "1.2", "2.1"]
+    assert prove_row_order(body).status == "proven"
+    xyz[2, 2] = 0.1
+    meshio.Mesh(xyz, [("quad", [[0, 1, 2, 3]])]).write(tmp_path / "warped.vtu")
+    assert {*read_geometry(tmp_path / "warped.vtu").rows} == {"translations", "six"}
 
 
 def test_the_version_of_a_gmsh_file_is_no_entry_of_a_matrix(tmp_path: Path) -> None:
