@@ -24,6 +24,17 @@ _VTK_KINDS = {
 }
 
 
+# Ends of names of elements of Kratos, which meshio knows by the names of geometries alone; the first that fits counts.
+_KRATOS_KINDS = {
+    **dict.fromkeys(("Condition3D4N", "ThinElement3D4N", "ThickElement3D4N", "Corotational3D4N", "2D4N"), "quad"),
+    **dict.fromkeys(("Condition3D8N", "2D8N"), "quad8"),
+    **dict.fromkeys(("Condition3D6N", "2D6N"), "triangle6"),
+    **dict.fromkeys(("3D3N", "2D3N"), "triangle"),
+    **dict.fromkeys(("3D2N", "2D2N"), "line"),
+    **{"3D4N": "tetra", "3D10N": "tetra10", "3D6N": "wedge", "3D8N": "hexahedron", "3D20N": "hexahedron20"},
+}
+
+
 def mesh(path: str, format: str | None = None) -> Arrays:
     """Points, their numbers if the file has such, and cells by number and kind, of a mesh that meshio reads."""
     import meshio
@@ -58,6 +69,7 @@ def keep_numbers() -> list[Any]:
 
         version._read_nodes = numbered
     points_of = _mdpa._read_nodes
+    _mdpa._mdpa_to_meshio_type |= _KRATOS_KINDS
 
     def sorted_points(file: Any, *told: Any) -> Any:
         # Rows of Kratos are in order of the numbers.

@@ -40,6 +40,16 @@ def test_numbers_with_gaps_are_those_of_the_file(tmp_path: Path, name: str) -> N
     assert read_cells(path)["tetra"].tolist() == [[20, 40, 30, 70]]
 
 
+@pytest.mark.parametrize(
+    ("name", "kind"), [("SmallDisplacementElement3D4N", "tetra"), ("ShellThickElementCorotational3D4N", "quad")]
+)
+def test_elements_of_kratos_are_those_of_their_names(tmp_path: Path, name: str, kind: str) -> None:
+    """Only by the number of nodes, bricks were lines, so that no face was proposed as a mount."""
+    path = tmp_path / "a.mdpa"
+    path.write_text(FILES["a.mdpa"].replace("Tetrahedra3D4", name))
+    assert {key: cells.tolist() for key, cells in read_cells(path).items()} == {kind: [[20, 40, 30, 70]]}
+
+
 def test_a_plane_body_has_two_rows_for_each_node(tmp_path: Path) -> None:
     """Programs for plane problems have no row along z; it took a list of all rows."""
     xyz = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 2, 0]])
