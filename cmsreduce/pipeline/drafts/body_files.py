@@ -50,7 +50,25 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
     ReadError
         If a file is missing, damaged or of no use, or a body lacks a matrix; the message ends with what to type.
     """
-    kinds = _kinds(files)
+    kinds, read, useless = _kinds(files)
+    if not useless:
+        return _bodies(name, kinds, read)
+    # JOB.* names logs and results beside the deck; a file of another name may be the deck of a body.
+    stems = {path.stem.lower() for path, kind in kinds.items() if kind.geometry}
+    for path, _, error in useless:
+        if path.stem.lower() not in stems:
+            raise error
+    try:
+        found = _bodies(name, kinds, read)
+    except ReadError:
+        # The body may lack this very file.
+        raise useless[0][2] from None
+    left_out = tuple(f"left out: {words}" for _, words, _ in useless)
+    return [replace(found[0], notes=(*found[0].notes, *left_out)), *found[1:]]
+
+
+def _bodies(name: str, kinds: Mapping[Path, FileKind], read: Mapping[Path, Geometry]) -> list[BodyDraft]:
+    """Bodies of files of use, some of which are read."""
     every_shape = [path for path, kind in kinds.items() if kind.geometry]
     # A deck says more than the tables of an OP2 file beside it.
     every_shape = [path for path in every_shape if kinds[path].geometry != "op2"] or every_shape
@@ -65,7 +83,7 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
     if rows is not None and kinds[rows].name == "dofs":
         # A broken list is refused once, and not with each matrix of a file.
         read_rows(rows)
-    geometries = {path: read_geometry(path) for path in shapes}
+    geometries = {path: read[path] if path in read else read_geometry(path) for path in shapes}
     found = {path: matrices_of(path, rows, geometries.values()) for path in sources}
     matrices = {path: own for path, (own, _) in found.items()}
     command = f"cmsreduce new {name} STIFFNESS MASS DECK"
@@ -112,9 +130,16 @@ def _deck_first(path: Path) -> tuple[bool, str]:
     return path.suffix.lower() not in _SUFFIXES_OF_DECKS, path.name
 
 
-def _kinds(files: Sequence[Path]) -> dict[Path, FileKind]:
-    """Kind of every file that is of use."""
+def _kinds(
+    files: Sequence[Path],
+) -> tuple[dict[Path, FileKind], dict[Path, Geometry], list[tuple[Path, str, ReadError]]]:
+    """Kind of every file of use, the nodes of those that have nothing else, and files without a use.
+
+    These come with words for a note and with a refusal; decks without nodes are the first.
+    """
     kinds: dict[Path, FileKind] = {}
+    read: dict[Path, Geometry] = {}
+    useless: list[tuple[Path, str, ReadError]] = []
     # CalculiX writes lists beside its matrices, which are read with them.
     beside = {path.with_suffix(end) for path in files if path.suffix.lower() == ".sti" for end in (".dof", ".12d")}
     files = [path for path in files if path not in beside]
@@ -126,14 +151,24 @@ def _kinds(files: Sequence[Path]) -> dict[Path, FileKind]:
             kinds[path] = kind
             continue
         if not (kind.matrices or kind.geometry):
+            said = kind.step or f"`cmsreduce inspect {path}` shows what is in it"
+            error = ReadError(f"{path}: this is {kind.words}, which holds no matrix and no nodes: {said}")
             # Some meshes have no mark, and one is told by reading it.
             if kind.name != "unknown":
-                said = kind.step or f"`cmsreduce inspect {path}` shows what is in it"
-                raise ReadError(f"{path}: this is {kind.words}, which holds no matrix and no nodes: {said}")
-            read_unmarked(path, kind)
-            kind = FileKind("mesh", kind.words, "", "mesh")
+                useless.append((path, f"{path}, {kind.words}", error))
+                continue
+            kind = FileKind("unknown", kind.words, "", "mesh", kind.step)
+        if kind.geometry and not kind.matrices:
+            try:
+                read[path] = read_unmarked(path, kind)
+            except ReadError as error:
+                if kind.name == "unknown":
+                    useless.append((path, f"{path}, {kind.words}", error))
+                else:
+                    useless.insert(0, (path, str(error), error))
+                continue
         kinds[path] = kind
-    return kinds
+    return kinds, read, useless
 
 
 def _has_list(path: Path, rows: Path) -> bool:

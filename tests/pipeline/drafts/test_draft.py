@@ -223,6 +223,29 @@ def test_names_that_cannot_be(arm: Path) -> None:
             draft_pipeline(name, [arm / "arm.op4", arm / "arm.bdf"])
 
 
+def test_logs_and_results_beside_a_deck_are_left_out(arm: Path) -> None:
+    """`new arm arm.*`, as a shell writes it out, ended at the first of them."""
+    (arm / "arm.log").write_text("the job is finished\n")
+    (arm / "arm.err").write_text("")
+    (arm / "arm.frd").write_text("    1C\n    1UUSER\n 9999\n")
+    (arm / "arm.f06").write_text("1\n0   N A S T R A N   executive control echo\n")
+    every = ["arm.op4", "arm.bdf", "arm.log", "arm.err", "arm.frd", "arm.f06"]
+    code, said = typed("new", "body", *every)
+    assert code == 0
+    for words in (
+        "arm.log, of no known format",
+        "arm.err, an empty file",
+        "arm.frd: no node block",
+        "arm.f06, a listing",
+    ):
+        assert f"left out: {words}" in said
+    # A file of another name may be the deck of a body, and so may one without which there is none.
+    (arm / "arm.log").rename(arm / "panel.log")
+    assert typed("new", "two", "arm.op4", "arm.bdf", "panel.log")[0] == 2
+    code, said = typed("new", "two", "arm.op4", "arm.frd", "arm.err")
+    assert code == 2 and said.startswith("error: arm.frd: no node block")
+
+
 @pytest.mark.parametrize("names", ["KM", "AB"])
 def test_a_broken_list_of_rows_is_named_alone(arm: Path, names: str) -> None:
     """Also where the names of matrices say nothing: there was said to be no square matrix."""
