@@ -58,20 +58,26 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
     for path, _, error in useless:
         if path.stem.lower() not in stems:
             raise error
+    left_out = tuple(f"left out: {words}" for _, words, _ in useless)
     try:
         found = _bodies(name, kinds, read)
-    except ReadError:
-        # The body may lack this very file.
-        raise useless[0][2] from None
-    left_out = tuple(f"left out: {words}" for _, words, _ in useless)
+    except ReadError as error:
+        # The body may lack one of these files.
+        raise ReadError(f"{error} ({'; '.join(left_out)})") from error
     return [replace(found[0], notes=(*found[0].notes, *left_out)), *found[1:]]
 
 
 def _bodies(name: str, kinds: Mapping[Path, FileKind], read: Mapping[Path, Geometry]) -> list[BodyDraft]:
     """Bodies of files of use, some of which are read."""
     every_shape = [path for path, kind in kinds.items() if kind.geometry]
-    # A deck says more than the tables of an OP2 file beside it.
+    # A deck says more than the tables of an OP2 file, and than a result or a mesh of its name.
     every_shape = [path for path in every_shape if kinds[path].geometry != "op2"] or every_shape
+    decks = {path.with_suffix("") for path in every_shape if path.suffix.lower() in _SUFFIXES_OF_DECKS}
+    every_shape = [
+        path
+        for path in every_shape
+        if path.suffix.lower() in _SUFFIXES_OF_DECKS or path.with_suffix("") not in decks or kinds[path].matrices
+    ]
     sources = [path for path, kind in kinds.items() if kind.matrices and not (kind.geometry and _has_others(kinds))]
     shapes, notes = _each_once(every_shape)
     stems = {path.stem.lower() for path in sources}

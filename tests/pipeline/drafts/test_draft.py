@@ -239,9 +239,18 @@ def test_logs_and_results_beside_a_deck_are_left_out(arm: Path) -> None:
         "arm.f06, a listing",
     ):
         assert f"left out: {words}" in said
+    # The deck counts, and not a result of its name.
+    node = " -1         1 0.00000E+00 0.00000E+00 0.00000E+00\n"
+    (arm / "arm.frd").write_text(f"    1C\n    2C{1:30d}{1:38d}\n{node} -3\n 9999\n")
+    code, said = typed("new", "second", *every)
+    assert code == 0 and 'geometry: "arm.bdf"' in (arm / "second.yaml").read_text()
+    # What is wrong is said with what was left out.
+    code, said = typed("new", "third", "arm.bdf", "arm.err")
+    assert code == 2 and "no square matrix in the files given" in said and "left out: arm.err, an empty file" in said
     # A file of another name may be the deck of a body, and so may one without which there is none.
     (arm / "arm.log").rename(arm / "panel.log")
     assert typed("new", "two", "arm.op4", "arm.bdf", "panel.log")[0] == 2
+    (arm / "arm.frd").write_text("    1C\n    1UUSER\n 9999\n")
     code, said = typed("new", "two", "arm.op4", "arm.frd", "arm.err")
     assert code == 2 and said.startswith("error: arm.frd: no node block")
 
