@@ -113,6 +113,11 @@ def matrices_of(
         # Programs write scalars as matrices of one row.
         names = [info.name for info in square if info.rows > 1 or len(square) <= 2]
         names += [info.name for info in every if not info.rows and any(_called(info.name, letter) for letter in "km")]
+        left_out += [
+            f"{path}: '{info.name}' is {info.rows} x {info.cols}; save a lumped mass as a diagonal matrix (numpy.diag)"
+            for info in every
+            if min(info.rows, info.cols) == 1 < max(info.rows, info.cols) and _called(info.name, "m")
+        ]
     found = []
     for each in names:
         try:

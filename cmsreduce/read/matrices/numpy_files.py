@@ -78,7 +78,8 @@ def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix
         array = array.real
         dtype = np.dtype(array.dtype)
     if array.ndim != 2:
-        raise ReadError(f"{path}: '{name}' has {array.ndim} dimensions, a matrix has 2")
+        diagonal = "; save a lumped mass as a diagonal matrix (numpy.diag)" if array.ndim == 1 else ""
+        raise ReadError(f"{path}: '{name}' has {array.ndim} dimensions, a matrix has 2{diagonal}")
     rows, cols = array.shape
     check_size(path, name, rows, cols, path.stat().st_size)
     rounding = max(DOUBLE, float(np.finfo(dtype).eps) / 2) if dtype.kind == "f" else DOUBLE
@@ -169,7 +170,7 @@ def _npz_matrices(path: Path) -> list[StoredMatrix]:
     return [
         _stored(path, name, "npz", shape, dtype, partial(_member, path, name))
         for name, (shape, dtype) in headers.items()
-        if len(shape) == 2 or dtype.hasobject
+        if len(shape) in (1, 2) or dtype.hasobject
     ]
 
 

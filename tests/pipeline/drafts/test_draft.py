@@ -17,6 +17,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import DofTable, FEModel
 from cmsreduce.pipeline.drafts import draft_body, draft_pipeline
+from cmsreduce.read import read_matrix
 from tests.frames import frame, line
 from tests.pipeline.study import system_frequencies, write_body, write_study
 
@@ -221,6 +222,15 @@ def test_names_that_cannot_be(arm: Path) -> None:
     for name in ("a b", "system"):
         with pytest.raises(ConfigError, match=name):
             draft_pipeline(name, [arm / "arm.op4", arm / "arm.bdf"])
+
+
+@pytest.mark.parametrize("shape", [(30,), (30, 1), (1, 30)])
+def test_a_lumped_mass_that_is_a_vector_is_named(arm: Path, shape: tuple[int, ...]) -> None:
+    """There was said to be no mass, or no matrix of its name."""
+    np.savez(arm / "KM.npz", K=read_matrix(arm / "arm.op4", "KAA").A.toarray(), M=np.ones(shape))
+    code, said = typed("new", "body", "KM.npz", "arm.bdf")
+    assert code == 2 and "no mass among the matrices" in said
+    assert "'M' " in said and "save a lumped mass as a diagonal matrix" in said
 
 
 def test_logs_and_results_beside_a_deck_are_left_out(arm: Path) -> None:
