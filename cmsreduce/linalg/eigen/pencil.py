@@ -41,6 +41,8 @@ _LEFT_BY_ARITHMETIC = 20.0
 _LEFT_BY_FILE = 10.0
 # A negative kinetic energy larger than this share of its terms is an error of the matrix, not rounding.
 _NEGATIVE = 1e-6
+# A mass is real above this many times the largest negative one, which rounding has left.
+_ABOVE_NEGATIVE = 10.0
 
 
 class UndeterminedError(MatrixError):
@@ -240,7 +242,9 @@ def split_massless(K: Array, M: Array, rounding: float = 2.0**-53) -> tuple[Arra
             f"the mass matrix is not positive semidefinite: a shape has {(weight / terms).min():.2g} times the mass of "
             "its parts; check the signs of the entries off the diagonal"
         )
-    massless = weight <= _limit(rounding) * terms
+    # No kinetic energy is negative: the lowest one shows the rounding of the entries, which may be sums of larger ones.
+    shown = -float((weight / terms).min(initial=0.0))
+    massless = weight <= max(_limit(rounding), _ABOVE_NEGATIVE * shown) * terms
     T, N = scale[:, None] * U[:, ~massless], scale[:, None] * U[:, massless]
     if N.shape[1]:
         N = _orthonormal_in_stiffness(K, N, rounding)

@@ -152,3 +152,14 @@ def test_unit_modes_beside_massless_shapes_are_told_apart(m, massive):
         lam, _, N = elastic_and_massless(K, shapes @ shapes.T, np.empty((m, 0)))
         assert N.shape[1] == m - massive
         np.testing.assert_allclose(np.sqrt(lam), w, rtol=1e-12)
+
+
+def test_negative_kinetic_energy_shows_the_rounding_of_the_mass():
+    """Two masses and four shapes without, in mixed coordinates, with errors of 1e-13 as sums of large terms leave."""
+    w = np.array([30.0, 40.0])
+    mixed = np.linalg.qr(np.random.default_rng(5).standard_normal((6, 6)))[0]
+    M = mixed @ np.diag([1.0, 1.0, -1e-13, 1e-14, 5e-14, 0]) @ mixed.T
+    K = mixed @ np.diag([*w**2, 1.0, 2.0, 3.0, 4.0]) @ mixed.T
+    lam, _, N = elastic_and_massless(K, M, np.empty((6, 0)))
+    assert N.shape[1] == 4
+    np.testing.assert_allclose(np.sqrt(lam), w, rtol=1e-10)
