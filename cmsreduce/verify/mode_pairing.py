@@ -96,6 +96,8 @@ class FrequencyPairs:
         |reduced - full| / full.
     lost, extra : (l,), (e,) int64
         Positions of the reference modes, and of the reduced modes, that are in the band and have no partner.
+    at : (k,) int64
+        Positions of the reference modes of the pairs.
     """
 
     reduced_hz: Array
@@ -104,6 +106,7 @@ class FrequencyPairs:
     error: Array
     lost: Indices
     extra: Indices
+    at: Indices
 
     @property
     def worst(self) -> float:
@@ -252,21 +255,18 @@ def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float, 
     """
     low, top = 2 * np.pi * low_hz, 2 * np.pi * band_hz
     order, order_r = np.argsort(full, kind="stable"), np.argsort(reduced, kind="stable")
-    w, w_r = full[order], reduced[order_r]
-    group, part = _groups(w), cross[np.ix_(order, order_r)] ** 2
-    mac = np.zeros(part.shape)
+    w, w_r, part = full[order], reduced[order_r], cross[np.ix_(order, order_r)] ** 2
+    group, mac = _groups(w), np.zeros(part.shape)
     for each in np.unique(group):
         mac[group == each] = part[group == each].sum(axis=0)
     i, j = _partners(np.clip(mac, 0.0, 1.0), w, w_r)
     here, here_r = ((each >= low) & (each <= top) for each in (w, w_r))
     lost, extra = np.setdiff1d(np.flatnonzero(here), i), np.setdiff1d(np.flatnonzero(here_r), j)
-    inside = here[i] | here_r[j]
-    i, j = i[inside], j[inside]
-    as_given = np.argsort(order_r[j])
+    inside = np.flatnonzero(here[i] | here_r[j])
+    as_given = inside[np.argsort(order_r[j[inside]])]
     i, j = i[as_given], j[as_given]
-    return FrequencyPairs(
-        w_r[j] / (2 * np.pi), w[i] / (2 * np.pi), mac[i, j], abs(w_r[j] - w[i]) / w[i], order[lost], order_r[extra]
-    )
+    hz, error = w[i] / (2 * np.pi), abs(w_r[j] - w[i]) / w[i]
+    return FrequencyPairs(w_r[j] / (2 * np.pi), hz, mac[i, j], error, order[lost], order_r[extra], order[i])
 
 
 def complex_mac(roots: NDArray[np.complex128], cross: NDArray[np.complex128], own: NDArray[np.complex128]) -> Array:

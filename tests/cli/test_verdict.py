@@ -141,6 +141,22 @@ def test_modes_left_out_on_purpose_are_named_and_pass(outcome) -> None:
     assert outcome(*keys, "verify.limits={modes_lost: 0}")[0] == 1
 
 
+def test_a_far_mode_that_no_channel_sees_is_named(outcome) -> None:
+    """Without one free mode across, the first frequency across is far off; the lift and its sensor do not see it."""
+    code, text, facts = outcome(
+        "reduce={method: macneal-rubin, cutoff: 12}",
+        "balance={keep: {arm: [1, 3-17]}}",
+        "scene.actuators={lift: {at: arm.5, force: [0, 0, 1]}}",
+        "scene.sensors={up: {at: arm.5, measure: z}}",
+        "verify.limits={frf_error: 1e-6}",
+    )
+    assert code == 0 and facts["worst"]["frequency_error"] > 0.1
+    # That along the lift, 20.644 Hz, times the root of the ratio of the second moments of area, 2.
+    assert facts["figures"]["frequency_error"]["where"] == "as built: 29.195 Hz (100% in arm; no channel sees it)"
+    assert facts["figures"]["damping_error"]["where"] == facts["figures"]["frequency_error"]["where"]
+    assert "29.195 Hz (100% in arm; no channel sees it)" in " ".join(text.split())
+
+
 def test_the_worst_channel_stands_beside_the_sum(outcome) -> None:
     """Shaken across with a thousandth of the effect of the lift: the sum hides a channel whose modes are left out."""
     keys = (

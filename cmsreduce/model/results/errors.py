@@ -117,6 +117,8 @@ class DampedPairs:
         Oscillating modes of either model in the band, if there is no pair.
     lost : tuple of UnpairedMode
         Oscillating modes of the reference in the band that the reduced model lacks.
+    farthest : UnpairedMode, optional
+        Reference mode of the largest error, if that is large.
     """
 
     full: NDArray[np.complex128]
@@ -125,6 +127,7 @@ class DampedPairs:
     error: NDArray[np.float64]
     alone: int = 0
     lost: tuple[UnpairedMode, ...] = ()
+    farthest: UnpairedMode | None = None
 
     @property
     def full_hz(self) -> NDArray[np.float64]:
@@ -156,7 +159,7 @@ class DampedPairs:
 
 @dataclass(frozen=True)
 class UnpairedMode:
-    """Mode in the band that the other model does not have.
+    """Mode in the band that the other model does not have, or has with a far error; the channel that shows it best.
 
     Parameters
     ----------
@@ -224,6 +227,8 @@ class ModelErrors:
         Channels that are judged: they respond, and are not silent beside the strongest one.
     lost, extra : tuple of UnpairedMode
         Modes in the band that only the reference model has, and those that only the reduced model has.
+    farthest : UnpairedMode, optional
+        Reference mode of ``frequency_error``, if that is large.
     """
 
     frf_error: float
@@ -248,6 +253,7 @@ class ModelErrors:
     loud: NDArray[np.bool_] | None = None
     lost: tuple[UnpairedMode, ...] = ()
     extra: tuple[UnpairedMode, ...] = ()
+    farthest: UnpairedMode | None = None
 
     @property
     def worst_channel(self) -> tuple[int, int] | None:

@@ -31,6 +31,8 @@ _OF_PAIRS = ("frequency_error", "damping_error", "nrfd")
 # worthless. A run that chose its modes by their effect left out weaker ones on purpose: -20 dB is a main resonance of
 # the channel. Else no mode may be missing that can be seen beside the highest peak: -60 dB.
 _MAIN, _VISIBLE = 0.1, 1e-3
+# A smaller share comes from the rounding of a mode that no channel sees.
+_ROUNDING = 1e-10
 # Limits on figures that need no response of the system.
 _OF_BODIES = ("static_lack",)
 # Limits on figures of the assembled system alone.
@@ -111,6 +113,9 @@ class Measured:
         at = {"channel_error": errors.worst_channel, "db_error": errors.worst_db_channel}.get(name)
         if at is not None:
             return f", {self._channel(at)}"
+        far = {"frequency_error": errors, "damping_error": errors.damped}.get(name)
+        if far is not None and far.farthest is not None:
+            return f": {self.named_modes((far.farthest,))}"
         if name in _UNPAIRED and value:
             return f": {self.named_modes(errors.lost if name == 'modes_lost' else errors.extra)}"
         return ""
@@ -123,9 +128,9 @@ class Measured:
         order = sorted(modes, key=lambda each: -each.seen)
         words = []
         for each in order[:_NAMED]:
-            seen = (
-                f"{100 * each.seen:.2g} % of the highest peak of {self._channel(each.channel)}" if each.channel else ""
-            )
+            seen = ""
+            if each.channel and each.seen > _ROUNDING:
+                seen = f"{100 * each.seen:.2g} % of the highest peak of {self._channel(each.channel)}"
             words.append(f"{each.hz:.5g} Hz ({each.share:.0%} in {each.body}; {seen or 'no channel sees it'})")
         more = f" and {len(order) - _NAMED} more" if len(order) > _NAMED else ""
         return f"{', '.join(words)}{more}"

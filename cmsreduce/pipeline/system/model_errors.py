@@ -36,6 +36,8 @@ Complex = NDArray[np.complex128]
 # A reduced model has a response in a channel that the reference model does not have if it is above -120 dB of what the
 # channel could have; smaller ones come from rounding of its modes.
 _FALSE = 1e-6
+# A mode whose frequency or damping ratio errs by more than this is named, with the channel that shows it.
+_FAR = 0.1
 
 
 def model_errors(
@@ -81,6 +83,7 @@ def model_errors(
     shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
     sure = loud & ~false
     highest, highest_r = (np.where(loud, abs(each).max(axis=0, initial=0.0), 0) for each in (H, elastic))
+    far = pairs.at[_farthest(pairs.error)]
     nothing = float("nan")
     return ModelErrors(
         # Without a channel there is nothing to measure.
@@ -106,6 +109,7 @@ def model_errors(
         loud=loud,
         lost=_alone(reference.assembled, configuration, pairs.lost, highest),
         extra=_alone(model.assembled, configuration, pairs.extra, highest_r),
+        farthest=next(iter(_alone(reference.assembled, configuration, far, highest)), None),
     )
 
 
@@ -159,15 +163,23 @@ def _damped_pairs(
     masses = reference.assembled.at(configuration).substructures
     own = cross_orthogonality(full.shapes, full.shapes, {name: masses[name].M for name in full.shapes})
     mac, (low, high) = complex_mac(full.s, cross, own), reference.scene.band
+    pairs = pair_complex_modes(full.s, reduced.s, mac, high, low)
     lost = lost_complex_modes(full.s, reduced.s, mac, high, low)
+    named = np.concatenate([lost, *(np.flatnonzero(full.s == root)[:1] for root in pairs.full[_farthest(pairs.error)])])
     energies = [
         {name: float((X[:, k].conj() @ np.asarray(masses[name].M @ X[:, k])).real) for name, X in full.shapes.items()}
-        for k in lost.tolist()
+        for k in named.tolist()
     ]
-    alone = _unpaired(
-        np.asarray(abs(full.s[lost]) / (2 * np.pi), dtype=np.float64), full.peaks[lost], energies, highest
+    modes = _unpaired(
+        np.asarray(abs(full.s[named]) / (2 * np.pi), dtype=np.float64), full.peaks[named], energies, highest
     )
-    return replace(pair_complex_modes(full.s, reduced.s, mac, high, low), lost=alone)
+    return replace(pairs, lost=modes[: lost.size], farthest=next(iter(modes[lost.size :]), None))
+
+
+def _farthest(error: Real) -> NDArray[np.int64]:
+    """Position of the largest error, alone; none if that is small."""
+    known = np.nan_to_num(error, nan=0.0)
+    return np.flatnonzero((known == known.max(initial=0.0)) & (known > _FAR))[:1]
 
 
 def _frf_error(target: Target, elastic: Complex, alone: Real) -> float:
