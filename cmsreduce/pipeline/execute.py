@@ -15,6 +15,7 @@ from cmsreduce.pipeline.results import (
     convert_system,
     measured_costs,
     refuse_other_summary,
+    refuse_unwritable,
     run_result,
     unit_paths,
     with_failures,
@@ -97,9 +98,8 @@ def execute(
         refuse_shared_names(outputs)
         refuse_foreign([*outputs, run.folder / FAILURES_LOG], [source, *named_files(run.pipeline.model_dump())])
         failures.clear_log()
-        if run.pipeline.write is not None:
-            # Before anything is computed.
-            _values_written(run)
+        # A name that does not exist is refused before anything is read.
+        values = {} if run.pipeline.write is None else _values_written(run)
         if report and last == "write":
             _begin_packing()
         run.makes_reference = "verify" in due and run.pipeline.verify is not None and run.has_response
@@ -109,6 +109,8 @@ def execute(
             run.makes_reference = False
         # Now all files are known that decks include.
         refuse_foreign(outputs, run.files_read)
+        if run.pipeline.write is not None and "write" in due:
+            refuse_unwritable(run, values)
         # Orthogonalise runs reduce itself, and only where it is not finished.
         if "reduce" in due or "orthogonalise" in due:
             run.reduce_bodies(orthonormal="orthogonalise" in due)

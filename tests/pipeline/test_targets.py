@@ -6,23 +6,25 @@ import re
 import shutil
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 from click.testing import CliRunner
 from pyyeti.nastran import op4
 from scipy.io import loadmat
 
 from cmsreduce.cli import main
 from cmsreduce.config.keys.write import _DIALECTS
-from cmsreduce.errors import WriteError
+from cmsreduce.errors import ConfigError, WriteError
 from cmsreduce.mechanics import lumped_mass
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.write import PROFILES, TARGETS, convert, read_component
-from tests.pipeline.study import PIPELINE
+from tests.pipeline.study import PIPELINE, panel, write_body
 from tests.sealed import resealed
 
 
@@ -266,6 +268,30 @@ def test_a_superelement_needs_shapes_for_its_interface(finished_study: Path, tmp
     result = CliRunner().invoke(main, ["convert", str(out), str(tmp_path / "arm.op4")])
     assert result.exit_code == 2
     assert "cannot move its 12 interface dofs independently; keep all modes (`balance: {keep: all}`)" in result.output
+
+
+LOSS = "components.arm.damping={structural: 0.02}"
+WHEEL = "components.arm.wheels={spin: {at: 3, axis: z, momentum: 2}}"
+UNWRITABLE = {
+    "structural damping": (LOSS, "[matlab, nastran, sid]", "[]", "'matlab', 'sid': .*structural damping"),
+    "of a program": (LOSS, "[hdf5]", "[exudyn]", "'exudyn' .targets.: .*structural damping"),
+    "wheel": (WHEEL, "[fmi, mbdyn]", "['42']", "'mbdyn', '42' .targets.: .*gyroscopic"),
+    "support": ("components.panel.grounded=true", "[simscape, abcd]", "[]", "'panel' .*'simscape': .*0 of six rigid"),
+    "few nodes": ("scene.base=hub", "[dads, 42]", "[mbdyn-1.7.3-lumped]", "'dads', 'mbdyn.*lumped' .*all_nodes: true"),
+}
+
+
+@pytest.mark.parametrize(("key", "formats", "targets", "message"), UNWRITABLE.values(), ids=UNWRITABLE)
+def test_what_a_format_cannot_hold_is_refused_before_anything_is_reduced(
+    opened: Callable[..., Run], study: Path, key: str, formats: str, targets: str, message: str
+) -> None:
+    if "grounded" in key:
+        body = panel()
+        write_body(study.parent, replace(body, K=body.K + 1e4 * sp.eye_array(body.n, format="csc")))
+    run = opened(key, f"write={{formats: {formats}, targets: {targets}}}")
+    with pytest.raises(ConfigError, match=message):
+        execute(run, study, report=False)
+    assert not any((run.folder / "stages").glob("*.reduce.h5"))
 
 
 def test_the_help_of_convert_names_every_target() -> None:

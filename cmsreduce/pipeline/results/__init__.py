@@ -11,7 +11,7 @@ from cmsreduce.pipeline.results.checking import (
     write_junit,
     write_markdown,
 )
-from cmsreduce.pipeline.results.component_files import write_body, write_system_file
+from cmsreduce.pipeline.results.component_files import refuse_unwritable, write_body, write_system_file
 from cmsreduce.pipeline.results.exports import (
     export_figures,
     export_pictures,
@@ -56,6 +56,7 @@ __all__ = [
     "read_limits",
     "refuse_model_file",
     "refuse_other_summary",
+    "refuse_unwritable",
     "run_difference",
     "run_result",
     "show_summary",

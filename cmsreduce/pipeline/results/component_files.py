@@ -1,4 +1,4 @@
-"""Component files and the system file of a run."""
+"""Component files and the system file of a run, and bodies that files of other programs cannot hold."""
 
 from __future__ import annotations
 
@@ -8,17 +8,66 @@ from typing import Any
 
 import numpy as np
 
+from cmsreduce.errors import ConfigError
 from cmsreduce.mechanics import moves_generalised
-from cmsreduce.model import UNDETERMINED, Configuration
+from cmsreduce.model import UNDETERMINED, Configuration, Values
 from cmsreduce.pipeline.results.mass_and_frame import frame_of, integral_frame_of, outboard_of
 from cmsreduce.pipeline.results.result import component_checks
 from cmsreduce.pipeline.results.step_advice import body_costly_modes
 from cmsreduce.pipeline.results.units import channel_quantities
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.write import write_component, write_system
+from cmsreduce.write import PROFILES, TARGETS, Profile, write_component, write_system
 
-__all__ = ["write_body", "write_system_file"]
+__all__ = ["refuse_unwritable", "write_body", "write_system_file"]
+
+_SIX = 6
+
+
+def refuse_unwritable(run: Run, values: Values) -> None:
+    """Refuse files of other programs that have no place for a body as it was read, before anything is computed.
+
+    Parameters
+    ----------
+    run : Run
+        Its pipeline writes files.
+    values : Values
+        Values of the parameters in these files.
+
+    Raises
+    ------
+    ConfigError
+        Names the formats, the body and the remedy.
+    """
+    keys = run.pipeline.write
+    assert keys is not None
+    asked = {f"'{each}'": Profile(each, keys.dialects.get(each)) for each in keys.formats if each in TARGETS}
+    asked |= {f"'{each}' (targets)": PROFILES[each] for each in keys.targets}
+    for name in run.flexible_names:
+        body, rigid = run.bodies[name].body, run.bodies[name].rigid.shape[1]
+        turns = any(term.gyroscopic and term.factor(values) for term in body.terms)
+        unfit: dict[str, list[str]] = {}
+        for each, profile in asked.items():
+            target = TARGETS[profile.target]
+            dialect = profile.dialect or next(iter(target.dialects), "")
+            if body.damping.structural is not None and not target.structural:
+                why = "they have no place for structural damping, a complex stiffness; give half of it as `modal`"
+            elif turns and not target.gyroscopic:
+                why = "they have no place for gyroscopic forces of wheels and rotors; hdf5, matlab, abcd and fmi have"
+            elif body.nodes is None and target.integrals:
+                why = "they need modal integrals, which a body without geometry lacks; give `geometry:`"
+            elif (target.free or profile.mean_axes) and rigid != _SIX:
+                why = f"they take free bodies, and it has {rigid} of six rigid motions; hold it by a joint instead"
+            elif dialect in target.lumped and not keys.all_nodes:
+                why = "they need the masses of all nodes; set `write: {all_nodes: true}`"
+            else:
+                continue
+            unfit.setdefault(why, []).append(each)
+        if unfit:
+            why, formats = next(iter(unfit.items()))
+            raise ConfigError(
+                f"write: component '{name}' cannot be written as {', '.join(formats)}: {why}, or leave them out"
+            )
 
 
 @diagnostic("the component file of '{}'", about=lambda run, name, *_: name, required=True)

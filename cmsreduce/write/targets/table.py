@@ -39,8 +39,12 @@ class Target:
         Variants of the format, the default first; most have none.
     integrals : bool
         True if the writer takes the modal integrals.
-    gyroscopic : bool
-        True if the format has a place for gyroscopic forces.
+    gyroscopic, structural : bool
+        True if the format has a place for gyroscopic forces, and for structural damping, a complex stiffness.
+    free : bool
+        True if it takes bodies with six rigid motions alone.
+    lumped : tuple of str
+        Dialects that need the lumped masses of all nodes, "" for a format without dialects.
     files : callable of path
         Every file that ``write`` makes of a path.
     mark : str
@@ -53,26 +57,35 @@ class Target:
     dialects: tuple[str, ...] = ()
     integrals: bool = True
     gyroscopic: bool = False
+    structural: bool = False
+    free: bool = False
+    lumped: tuple[str, ...] = ()
     files: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
     mark: str = ""
 
 
 TARGETS: dict[str, Target] = {
-    "nastran": Target(".op4", write_nastran, integrals=False, files=nastran_files, mark=NASTRAN_MARK),
+    "nastran": Target(".op4", write_nastran, integrals=False, structural=True, files=nastran_files, mark=NASTRAN_MARK),
     "42": Target(".42.txt", write_42, files=files_42, mark=MARK_42),
     "sid": Target(".SID_FEM", write_sid, ("by-axis", "by-mode", "gr-by-mode", "embs"), mark=", columns of Gr "),
-    "mbdyn": Target(".fem", write_mbdyn, ("points", "invariants", "lumped", "first-order"), mark='NODE SET "ALL" of '),
+    "mbdyn": Target(
+        ".fem",
+        write_mbdyn,
+        ("points", "invariants", "lumped", "first-order"),
+        lumped=("lumped",),
+        mark='NODE SET "ALL" of ',
+    ),
     "mbsim": Target(".mbsim.h5", write_mbsim, mark=_HDF5),
     "exudyn": Target(".npz", write_exudyn, mark="modeBasis.npy"),
-    "discos": Target(".discos.txt", write_nodal, mark="$ NODAL DATA of "),
-    "dads": Target(".dads.txt", write_nodal, mark="$ NODAL DATA of "),
+    "discos": Target(".discos.txt", write_nodal, lumped=("",), mark="$ NODAL DATA of "),
+    "dads": Target(".dads.txt", write_nodal, lumped=("",), mark="$ NODAL DATA of "),
     "treetops": Target(".treetops.txt", write_treetops, mark="$ FLEXIBLE BODY "),
     "treetops-h5": Target(".treetops.h5", write_treetops_h5, mark=_HDF5),
     "matlab": Target(".mat", write_states, integrals=False, gyroscopic=True, mark=MAT_MARK),
     "abcd": Target(".abcd.txt", write_abcd, integrals=False, gyroscopic=True, mark="% STATE SPACE "),
     "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False, gyroscopic=True, mark="modelDescription.xml"),
     "extptfm": Target("_SE.dat", write_extptfm, EXTPTFM_DIALECTS, integrals=False, mark="!Superelement of "),
-    "radioss": Target("_fxb.pch", write_radioss, integrals=False, mark="$ Flexible body "),
-    "simscape": Target("_rom.m", write_simscape, integrals=False, files=simscape_files, mark=SIMSCAPE_MARK),
+    "radioss": Target("_fxb.pch", write_radioss, integrals=False, free=True, mark="$ Flexible body "),
+    "simscape": Target("_rom.m", write_simscape, integrals=False, free=True, files=simscape_files, mark=SIMSCAPE_MARK),
 }
 """Targets by their name in ``write.formats`` and ``convert --format``; one line registers a format."""
