@@ -1,22 +1,26 @@
-"""Receptances that are also formed between some rows alone."""
+"""Receptances that are also formed between some rows alone, and modes between the rows that they move."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FEWER", "MANY", "ByRows", "add_between", "frequencies_last", "products"]
+__all__ = ["FEWER", "MANY", "ByRows", "ModalTable", "RowTerms", "add_between", "frequencies_last", "products"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Columns = NDArray[np.int64]
 
 FEWER = 4
 """The part of a receptance between joints, inputs and outputs is formed alone if it has so many times fewer entries."""
 MANY = 48
 """For the motions of fewer points, either takes no time."""
+# Most entries in the products of rows in one multiplication.
+_PRODUCTS = 2**20
 
 
 class ByRows(ABC):
@@ -110,3 +114,62 @@ def add_between(G: Complex, left: Real, Y: Complex, right: Real, loads: Complex 
 def frequencies_last(Y: Complex) -> Complex:
     """Reorder a receptance (f, p, p) to (p, p, f), contiguous; that of a body in modes is not copied."""
     return np.ascontiguousarray(Y.transpose(1, 2, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class ModalTable:
+    """A body's modes between the rows of a wiring."""
+
+    left: Real
+    right: Real
+    weights: Complex
+    """1/Z of every mode at every frequency (m, f)."""
+
+
+@dataclass(frozen=True, eq=False)
+class RowTerms:
+    """Some modes of a body between the rows that they move; joints and sensors of other bodies have zero rows.
+
+    Parameters
+    ----------
+    rows, ports : (r,), (p,) int64
+        Rows of the left and of the right side that move.
+    left, right : (r, k), (p, k) float64
+        Their motions in each mode.
+    weights : (k, f) complex128
+        1/Z of each mode.
+    """
+
+    rows: Columns
+    ports: Columns
+    left: Real
+    right: Real
+    weights: Complex
+
+    @classmethod
+    def of(cls, table: ModalTable, columns: Columns) -> RowTerms:
+        """Modes ``columns`` of a body."""
+        rows, ports = (np.flatnonzero(side[:, columns].any(axis=1)) for side in (table.left, table.right))
+        left, right = table.left[np.ix_(rows, columns)], table.right[np.ix_(ports, columns)]
+        return cls(rows, ports, left, right, table.weights[columns])
+
+    def add(self, G: Complex, points: Columns | slice = slice(None)) -> None:
+        """Add the terms to an array, in products of real matrices over all frequencies.
+
+        Parameters
+        ----------
+        G : (left, right, f) complex128
+            Changed in place.
+        points : (f,) int64 or slice
+            Numbers of the frequencies.
+        """
+        if not (self.left.size and self.right.size and G.size):
+            return
+        # A slice is copied much faster than the same frequencies one by one.
+        weights = np.ascontiguousarray(self.weights[:, points]).view(np.float64)
+        step = max(1, _PRODUCTS // self.right.size)
+        for start in range(0, self.rows.size, step):
+            own = slice(start, start + step)
+            products = (self.left[own, None, :] * self.right).reshape(-1, self.left.shape[1])
+            found = (products @ weights).view(np.complex128)
+            G[np.ix_(self.rows[own], self.ports)] += found.reshape(-1, self.ports.size, G.shape[-1])

@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble.points import PointStack, balanced
 from cmsreduce.assemble.response.by_modes import modal_weights, resonant
-from cmsreduce.assemble.response.by_rows import add_between, frequencies_last
+from cmsreduce.assemble.response.by_rows import ModalTable, RowTerms, add_between, frequencies_last
 from cmsreduce.assemble.response.modal_terms import (
     Change,
     Columns,
     CoupledModes,
     CoupledTerms,
     Kept,
-    ModalTable,
     ModalTerms,
-    add_terms,
     eliminated,
 )
 from cmsreduce.assemble.response.receptance import Receptance
@@ -93,7 +91,7 @@ class ModalReceptance:
                 self._coupled[name] = CoupledModes.of(sub, left @ L, right @ L)
                 table = ModalTable(left @ L, right @ L, _weights(sub, self._single(name), omega))
                 self._tables[name] = table
-                add_terms(self._base, table, self._single(name, self._always[name]))
+                RowTerms.of(table, self._single(name, self._always[name])).add(self._base)
         # If the motions present in every choice already make the joints independent, choices need no check.
         alone = self._row_basis({name: np.empty(0, dtype=np.int64) for name in substructures})
         self._same_joints = alone.shape[0] == self._rows.c
@@ -112,10 +110,10 @@ class ModalReceptance:
         H : (g, outputs, inputs) complex128
         """
         count = self.omega.size if at is None else at.size
-        U = self._joints(kept)
+        U, chosen = self._joints(kept), self._terms(kept)
         H = np.empty((count, self._rows.outputs, self._rows.right.shape[0] - self._rows.c), dtype=np.complex128)
         for part in self._blocks(count):
-            AYA, AYB, CYA, CYB = self._joined(kept, U, part if at is None else at[part])
+            AYA, AYB, CYA, CYB = self._joined(kept, chosen, U, part if at is None else at[part])
             H[part] = CYB - CYA @ np.linalg.solve(AYA, AYB) if U.shape[0] else CYB
         return H
 
@@ -132,10 +130,10 @@ class ModalReceptance:
         -------
         (g, outputs, inputs) float64
         """
-        U = self._joints(kept)
+        U, chosen = self._joints(kept), self._terms(kept)
         found = np.empty((at.size, self._rows.outputs, self._rows.right.shape[0] - self._rows.c))
         for part in self._blocks(at.size):
-            AYA, AYB, CYA, CYB = self._joined(kept, U, at[part])
+            AYA, AYB, CYA, CYB = self._joined(kept, chosen, U, at[part])
             found[part] = abs(CYB)
             if U.shape[0]:
                 forces = abs(np.asarray(np.linalg.solve(AYA, AYB)))
@@ -168,7 +166,7 @@ class ModalReceptance:
         joined flexibility, dH = (C Y v) (s Z + v^T Y v)^-1 (B Y v)^T, where Y is that of the joined bodies: Sherman,
         Morrison and Woodbury. Coupled modes move those beside them, so that their v depends on the frequency.
         """
-        U = self._joints(kept)
+        U, chosen = self._joints(kept), self._terms(kept)
         inputs = self._rows.right.shape[0] - self._rows.c
         H = np.empty((at.size, self._rows.outputs, inputs), dtype=np.complex128)
         dH = np.full((at.size, self._rows.outputs, inputs, len(changes)), np.nan + 0j)
@@ -176,20 +174,20 @@ class ModalReceptance:
         present = {name: self._present(name, kept) for name in self._coupled}
         sort = np.array([self._sort(body, columns, present) for body, columns in changes], dtype=np.int64)
         known &= sort != _MIXED
-        terms = ModalTerms.of(self._tables, changes, np.flatnonzero(known & (sort == _SINGLE)), kept)
+        terms = ModalTerms.of(self._tables, changes, np.flatnonzero(known & (sort == _SINGLE)), kept, at)
         alpha, gamma, beta = U @ terms.left[: self._rows.c], terms.left[self._rows.c :], terms.right[self._rows.c :]
         coupled = np.flatnonzero(known & (sort == _COUPLED))
         columns = alpha.shape[1] + sum(changes[int(k)][1].size for k in coupled)
         more = (3 + inputs) * columns * (self._rows.c + self._rows.outputs) + columns**2
         for part in self._blocks(at.size, more):
             points = at[part]
-            AYA, AYB, CYA, CYB = self._joined(kept, U, points)
+            AYA, AYB, CYA, CYB = self._joined(kept, chosen, U, points)
             S = np.linalg.inv(AYA)
             H[part] = CYB - CYA @ (S @ AYB)
             Sv = _times(S, alpha)
             P = self._rows.measured(np.broadcast_to(gamma, (points.size, *gamma.shape)), self.omega[points]) - CYA @ Sv
             Q = beta - AYB.transpose(0, 2, 1) @ Sv
-            terms.update(dH, known, part, 1 / terms.weights(points), alpha, Sv, P, Q)
+            terms.update(dH, known, part, alpha, Sv, P, Q)
             for cluster in CoupledTerms.of(self._coupled, changes, coupled, present, self.omega[points]):
                 own = U @ cluster.left[:, : self._rows.c]
                 Sv = S @ own
@@ -219,19 +217,19 @@ class ModalReceptance:
         """
         used, place = np.unique(sets, return_inverse=True)
         place, c = place.reshape(sets.shape), self._rows.c
-        terms = ModalTerms.of(self._tables, changes, used, kept)
-        U = self._joints(kept)
+        terms = ModalTerms.of(self._tables, changes, used, kept, at)
+        U, chosen = self._joints(kept), self._terms(kept)
         alpha, gamma, beta = U @ terms.left[:c], terms.left[c:], terms.right[c:]
         H = np.empty((at.size, self._rows.outputs, beta.shape[0], len(sets)), dtype=np.complex128)
         for part in self._blocks(at.size, H[0].size + used.size**2 + 8 * sets.size):
             points = at[part]
-            AYA, AYB, CYA, CYB = self._joined(kept, U, points)
+            AYA, AYB, CYA, CYB = self._joined(kept, chosen, U, points)
             S = np.linalg.inv(AYA)
             Sv = _times(S, alpha)
             P = self._rows.measured(np.broadcast_to(gamma, (points.size, *gamma.shape)), self.omega[points]) - CYA @ Sv
             Q = beta - AYB.transpose(0, 2, 1) @ Sv
             N = alpha.T @ Sv
-            N[:, np.arange(used.size), np.arange(used.size)] += 1 / terms.weights(points)
+            N[:, np.arange(used.size), np.arange(used.size)] += 1 / terms.weights[part]
             X = eliminated(N, Q, place)
             H[part] = (CYB - CYA @ (S @ AYB))[..., None]
             for own, amplitude in zip(place.T, X, strict=True):
@@ -292,16 +290,24 @@ class ModalReceptance:
         alike = present[body][columns]
         return _COUPLED if np.isin(columns, clusters[0]).all() and alike.all() == alike.any() else _MIXED
 
-    def _joined(self, kept: Kept, U: Real, points: Indices | slice) -> tuple[Complex, Complex, Complex, Complex]:
+    def _terms(self, kept: Kept) -> list[RowTerms]:
+        """Uncoupled modes that are present by choice."""
+        return [
+            RowTerms.of(table, self._single(name, self._present(name, kept) & ~self._always[name]))
+            for name, table in self._tables.items()
+        ]
+
+    def _joined(
+        self, kept: Kept, terms: Sequence[RowTerms], U: Real, points: Indices | slice
+    ) -> tuple[Complex, Complex, Complex, Complex]:
         """Flexibilities between joint forces and inputs, and joint motions and outputs, at some frequencies."""
         last = self._base[..., points].copy() if isinstance(points, slice) else self._base.take(points, axis=-1)
-        presence = {name: self._present(name, kept) for name in self._tables}
-        for name, table in self._tables.items():
-            add_terms(last, table, self._single(name, presence[name] & ~self._always[name]), points)
+        for own in terms:
+            own.add(last, points)
         G = np.ascontiguousarray(last.transpose(2, 0, 1))
         for name, body in self._coupled.items():
             if body.clusters:
-                G += body.flexibility(presence[name], self.omega[points])
+                G += body.flexibility(self._present(name, kept), self.omega[points])
         c = self._rows.c
         C = self._rows.measured(G[:, c:], self.omega[points])
         if self._same_joints:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cmsreduce.assemble.response.by_modes import resonant
+from cmsreduce.assemble.response.by_rows import ModalTable
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import ResonanceError
 from cmsreduce.model import Substructure
@@ -21,9 +22,7 @@ __all__ = [
     "CoupledModes",
     "CoupledTerms",
     "Kept",
-    "ModalTable",
     "ModalTerms",
-    "add_terms",
     "eliminated",
 ]
 
@@ -36,20 +35,8 @@ Kept = Mapping[str, Columns]
 Change = tuple[str, Columns]
 """A body, and elastic coordinates of it to add if they are left out, or to leave out if they are kept."""
 
-# Most entries in the products of rows in one multiplication.
-_PRODUCTS = 2**20
 SINGULAR = 1e-10
 """The effect of a change that makes the joined flexibility singular to this, relative to its terms, is not known."""
-
-
-@dataclass(frozen=True, eq=False)
-class ModalTable:
-    """A body's modes between the rows of a wiring."""
-
-    left: Real
-    right: Real
-    weights: Complex
-    """1/Z of every mode at every frequency (m, f)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,28 +45,23 @@ class ModalTerms:
 
     Parameters
     ----------
-    tables, columns : tuple
-        One for each change.
-    which : (k,) int64
-        Number of each change among all changes.
-    start : (k + 1,) int64
-        First mode of each change.
-    sign : (modes,) float64
-        1 for a mode added, -1 for one left out.
+    change : (modes,) int64
+        Number of the change of each mode among all changes.
+    weights : (f, modes) complex128
+        1/Z of each mode at some frequencies; its negative for a mode left out.
     left, right : (ports, modes) float64
     """
 
-    tables: tuple[ModalTable, ...]
-    columns: tuple[Columns, ...]
-    which: Columns
-    start: Columns
-    sign: Real
+    change: Columns
+    weights: Complex
     left: Real
     right: Real
 
     @classmethod
-    def of(cls, tables: Mapping[str, ModalTable], changes: Sequence[Change], which: Columns, kept: Kept) -> ModalTerms:
-        """Put the changes with the numbers ``which`` side by side."""
+    def of(
+        cls, tables: Mapping[str, ModalTable], changes: Sequence[Change], which: Columns, kept: Kept, at: Columns
+    ) -> ModalTerms:
+        """Put the changes with the numbers ``which`` side by side, at the frequencies with the numbers ``at``."""
         chosen = [changes[k] for k in which]
         sizes = [columns.size for _, columns in chosen]
         left_out = {
@@ -87,60 +69,24 @@ class ModalTerms:
             for body, table in tables.items()
         }
         signs = [1.0 if left_out[body].intersection(columns.tolist()) else -1.0 for body, columns in chosen]
-        found, columns = tuple(tables[body] for body, _ in chosen), tuple(columns for _, columns in chosen)
+        found = [(tables[body], columns) for body, columns in chosen]
         ports = next(((t.left.shape[0], t.right.shape[0]) for t in tables.values()), (0, 0))
         left, right = (
-            np.hstack([np.zeros((rows, 0)), *(getattr(t, side)[:, own] for t, own in zip(found, columns, strict=True))])
+            np.hstack([np.zeros((rows, 0)), *(getattr(t, side)[:, own] for t, own in found)])
             for side, rows in zip(("left", "right"), ports, strict=True)
         )
-        start = np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
-        return cls(found, columns, which, start, np.repeat(signs, sizes), left, right)
+        none = np.empty((0, at.size), dtype=np.complex128)
+        weights = np.concatenate([none, *(t.weights[np.ix_(own, at)] for t, own in found)]).T
+        return cls(np.repeat(which, sizes), weights * np.repeat(signs, sizes), left, right)
 
-    def weights(self, points: Columns) -> Complex:
-        """Signed 1/Z of every mode at some frequencies (g, modes)."""
-        out = np.empty((points.size, self.sign.size), dtype=np.complex128)
-        for table, columns, start in zip(self.tables, self.columns, self.start[:-1], strict=True):
-            own = slice(start, start + columns.size)
-            out[:, own] = table.weights[np.ix_(columns, points)].T
-        return out * self.sign
+    def update(self, dH: Complex, known: Marks, part: slice, alpha: Real, Sv: Complex, P: Complex, Q: Complex) -> None:
+        """Set the effects of the changes as `_set_effects` does."""
+        Z = 1 / self.weights[part]
 
-    def update(
-        self, dH: Complex, known: Marks, part: slice, Z: Complex, alpha: Real, Sv: Complex, P: Complex, Q: Complex
-    ) -> None:
-        """Set the effects of the changes as `_set_effects` does; Z (f, modes) is the signed stiffness of each mode."""
+        def blocks(own: Columns) -> Complex:
+            return np.asarray(Z[:, own, None] * np.eye(own.shape[1]))
 
-        def block(own: slice) -> Complex:
-            return np.asarray(Z[:, own, None] * np.eye(own.stop - own.start))
-
-        change = np.repeat(self.which, np.diff(self.start))
-        _set_effects(dH, known, part, change, Z, block, alpha[None], Sv, P, Q)
-
-
-def add_terms(G: Complex, table: ModalTable, columns: Columns, points: Columns | slice = slice(None)) -> None:
-    """Add the terms of some modes to an array, in products of real matrices over all frequencies.
-
-    Parameters
-    ----------
-    G : (left, right, f) complex128
-        Changed in place.
-    table : ModalTable
-    columns : (k,) int64
-    points : (f,) int64 or slice
-        Numbers of the frequencies.
-    """
-    # Joints and sensors of other bodies have zero rows here.
-    rows, ports = (np.flatnonzero(side[:, columns].any(axis=1)) for side in (table.left, table.right))
-    if not (rows.size and ports.size and G.size):
-        return
-    # A slice is copied much faster than the same frequencies one by one.
-    weights = table.weights[columns, points] if isinstance(points, slice) else table.weights[np.ix_(columns, points)]
-    right = table.right[np.ix_(ports, columns)]
-    step = max(1, _PRODUCTS // right.size)
-    for start in range(0, rows.size, step):
-        own = rows[start : start + step]
-        products = (table.left[np.ix_(own, columns)][:, None, :] * right).reshape(-1, columns.size)
-        found = (products @ weights.view(np.float64)).view(np.complex128)
-        G[np.ix_(own, ports)] += found.reshape(own.size, ports.size, -1)
+        _set_effects(dH, known, part, self.change, Z, blocks, alpha[None], Sv, P, Q)
 
 
 def eliminated(N: Complex, Q: Complex, sets: Columns) -> list[Complex]:
@@ -310,7 +256,11 @@ class CoupledTerms:
     ) -> None:
         """Set the effects of the changes as `_set_effects` does."""
         Z = np.diagonal(self.N, axis1=1, axis2=2)
-        _set_effects(dH, known, part, self.change, Z, lambda own: self.N[:, own, own], alpha, Sv, P, Q)
+
+        def blocks(own: Columns) -> Complex:
+            return self.N[:, own[:, :, None], own[:, None, :]]
+
+        _set_effects(dH, known, part, self.change, Z, blocks, alpha, Sv, P, Q)
 
 
 def _set_effects(
@@ -319,7 +269,7 @@ def _set_effects(
     part: slice,
     change: Columns,
     Z: Complex,
-    block: Callable[[slice], Complex],
+    blocks: Callable[[Columns], Complex],
     alpha: Real | Complex,
     Sv: Complex,
     P: Complex,
@@ -328,8 +278,8 @@ def _set_effects(
     """Set the effects dH (f, outputs, inputs, n) of changes on the response at a block of frequencies.
 
     A change that makes the joined flexibility singular is not ``known``. ``change`` is the number of the change of each
-    column, ascending; Z (f, k) is the stiffness of each column alone, ``block`` gives that of several columns
-    (f, s, s); alpha and Sv (f, c, k) are the joint motions of the columns, and the joined stiffness times them; P
+    column, ascending; Z (f, k) is the stiffness of each column alone, ``blocks`` gives that of sets of columns (n, s)
+    as (f, n, s, s); alpha and Sv (f, c, k) are the joint motions of the columns, and the joined stiffness times them; P
     (f, outputs, k) and Q (f, inputs, k) are responses of the outputs to the columns, and of the columns to the inputs.
     """
     first, sizes = np.unique(change, return_index=True, return_counts=True)[1:]
@@ -340,10 +290,12 @@ def _set_effects(
     known[change[alone[~regular]]] = False
     good = alone[regular]
     dH[part, :, :, change[good]] = P[:, :, None, good] * (Q[:, None, :, good] / pivot[:, None, None, regular])
-    for start, size in zip(first[sizes > 1].tolist(), sizes[sizes > 1].tolist(), strict=True):
-        own = slice(start, start + size)
-        pivots = block(own) + alpha[:, :, own].transpose(0, 2, 1) @ Sv[:, :, own]
-        if np.linalg.cond(pivots).max() * SINGULAR > 1:
-            known[change[start]] = False
-        else:
-            dH[part, :, :, change[start]] = P[:, :, own] @ np.linalg.solve(pivots, Q[:, :, own].transpose(0, 2, 1))
+    for size in np.unique(sizes[sizes > 1]).tolist():
+        # Sets of one size at once: there may be hundreds of pairs, and thousands of blocks of frequencies.
+        own = first[sizes == size][:, None] + np.arange(size)
+        pivots = blocks(own) + np.einsum("fcna,fcnb->fnab", alpha[:, :, own], Sv[:, :, own])
+        regular = np.linalg.cond(pivots).max(axis=0) * SINGULAR <= 1
+        known[change[own[~regular, 0]]] = False
+        own, pivots = own[regular], pivots[:, regular]
+        amplitudes = np.linalg.solve(pivots, Q[:, :, own].transpose(0, 2, 3, 1))
+        dH[part, :, :, change[own[:, 0]]] = (P[:, :, own].transpose(0, 2, 1, 3) @ amplitudes).transpose(0, 2, 3, 1)
