@@ -24,6 +24,9 @@ _DIGITS = 5
 _COLUMNS, _FEWEST = 700, 60
 # Bytes of all curves before compression.
 _BUDGET = 8e6
+# Curves of all configurations: those of 60 columns take the budget. Of more, the channels with the largest errors are
+# drawn, and at least so many of them.
+_CURVES, _CHANNELS = 2000, 20
 
 
 def decibels(H: ArrayLike) -> NDArray[np.float64]:
@@ -53,15 +56,17 @@ def response_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     -------
     dict
         ``models`` gives the order of all lists by model, the run's own first; ``first`` is the configuration and the
-        channel with the largest error. Curves are thinned; frequencies in Hz, magnitudes in dB re 1, phases in degrees.
-        ``apart`` is the magnitude of a reduced model less the magnitude of the reference (or 0 without a response),
-        ``turned`` its phase less that of the reference.
+        channel with the largest error. Curves are thinned, and of many channels those ``drawn`` alone have them;
+        frequencies in Hz, magnitudes in dB re 1, phases in degrees. ``apart`` is the magnitude of a reduced model less
+        the magnitude of the reference (or 0 without a response), ``turned`` its phase less that of the reference.
     """
     models = (run.model, *compared(run))
     figures = measured(run)
     channels = [(o, i) for o in range(len(run.outputs)) for i in range(len(run.inputs))]
     at, worst = run.worst_response
-    most = _BUDGET / max(1, len(run.configurations) * len(channels)) / (6 + 4 * len(models))
+    first = worst[0] * len(run.inputs) + worst[1]
+    drawn = _drawn(run, first)
+    most = _BUDGET / max(1, len(run.configurations) * len(drawn)) / (6 + 4 * len(models))
     return {
         "models": list(models),
         "styles": {
@@ -71,7 +76,8 @@ def response_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
             "ink": INK,
         },
         "band": list(run.band),
-        "first": [at, worst[0] * len(run.inputs) + worst[1]],
+        "first": [at, first],
+        "drawn": sorted(drawn),
         "configurations": [result.configuration.name for result in run.configurations],
         "axes": _axes(run),
         "channels": [
@@ -85,8 +91,24 @@ def response_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
         ],
         "figures": [_figure(run, figure, models) for figure in figures],
         "speed": _speed(run, models),
-        "settings": [_setting(result, models, channels, figures, store, most) for result in run.configurations],
+        "settings": [_setting(result, models, channels, drawn, figures, store, most) for result in run.configurations],
     }
+
+
+def _drawn(run: RunResult, first: int) -> set[int]:
+    """Numbers of the channels with curves: those with the largest response and decibel errors, the worst one first."""
+    count = len(run.outputs) * len(run.inputs)
+    most = max(_CHANNELS, _CURVES // max(1, len(run.configurations)))
+    if count <= most:
+        return set(range(count))
+    size = np.zeros(count)
+    errors = [result.errors[run.model] for result in run.configurations if run.model in result.errors]
+    for name in ("channel_errors", "channel_db"):
+        found = [np.nan_to_num(values.ravel()) for each in errors if (values := getattr(each, name)) is not None]
+        worst = np.max([np.zeros(count), *found], axis=0)
+        size = np.maximum(size, worst / (worst.max(initial=0.0) or 1.0))
+    size[first] = np.inf
+    return set(np.argsort(-size, kind="stable")[:most].tolist())
 
 
 def _figure(run: RunResult, figure: Figure, models: Iterable[str]) -> dict[str, Any]:
@@ -159,6 +181,7 @@ def _setting(
     result: ConfigurationResult,
     models: Iterable[str],
     channels: list[tuple[int, int]],
+    drawn: set[int],
     figures: tuple[Figure, ...],
     store: ArrayStore,
     most: float,
@@ -173,7 +196,7 @@ def _setting(
         "damped": _damped_pairs(errors[0].damped) if errors[0] and errors[0].damped else None,
         "mac": _mac(errors[0], store) if errors[0] else None,
         "hz": store.exact(result.response.frequency_hz, "f4") if channels else None,
-        "curves": list(_curves(result, models, channels, store, most)),
+        "curves": list(_curves(result, models, channels, drawn, store, most)),
     }
 
 
@@ -181,12 +204,16 @@ def _curves(
     result: ConfigurationResult,
     models: Iterable[str],
     channels: list[tuple[int, int]],
+    drawn: set[int],
     store: ArrayStore,
     most: float,
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[dict[str, Any] | None]:
     # The channels of one configuration need similar numbers of columns.
     columns = float(_COLUMNS)
-    for o, i in channels:
+    for number, (o, i) in enumerate(channels):
+        if number not in drawn:
+            yield None
+            continue
         found, used = _channel(result, models, o, i, store, most, min(_COLUMNS, 1.2 * columns))
         columns = used
         yield found

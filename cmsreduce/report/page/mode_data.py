@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ _ROUNDING = 1e-17
 _LEAST_GAIN = 1e-300
 
 
-def mode_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
+def mode_data(run: RunResult, store: ArrayStore, drawn: Sequence[int]) -> dict[str, Any]:
     """Modes of the bodies with their masses and gains, and times of the stages.
 
     Parameters
@@ -28,11 +29,13 @@ def mode_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     run : RunResult
     store : ArrayStore
         Takes the gains.
+    drawn : sequence of int
+        Channels whose running sums are drawn.
     """
     return {
         "components": [_modes(run, part) for part in run.components.values()],
         "effective_mass": [_effective(run.effective_mass.get(name)) for name in run.components],
-        "gains": [_gain(name, *gains, run.band[1], store) for name, gains in run.gains.items()],
+        "gains": [_gain(name, *gains, run.band[1], store, drawn) for name, gains in run.gains.items()],
         "completeness": [[row.axis, row.configuration, rounded(100 * row.missing)] for row in run.completeness],
         "projection": None if run.projection is None else _projection(run.projection),
         "timings": _timings(run),
@@ -68,8 +71,10 @@ def _effective(curve: EffectiveMassCurve | None) -> dict[str, Any] | None:
     }
 
 
-def _gain(configuration: str, kept: GainSum, every: GainSum, band_hz: float, store: ArrayStore) -> dict[str, Any]:
-    """Running sums in order of modes, output by output and input by input, in shares of each pair's largest."""
+def _gain(
+    configuration: str, kept: GainSum, every: GainSum, band_hz: float, store: ArrayStore, drawn: Sequence[int]
+) -> dict[str, Any]:
+    """Running sums of the channels drawn in order of modes, in shares of each pair's largest."""
     size = np.maximum(abs(every.running).max(axis=0, initial=0.0), abs(kept.running).max(axis=0, initial=0.0))
     size = np.maximum(size, np.maximum(abs(kept.total), abs(every.total)))
     silent = size <= _LEAST_GAIN
@@ -79,16 +84,16 @@ def _gain(configuration: str, kept: GainSum, every: GainSum, band_hz: float, sto
         "hz": all_rounded(kept.hz),
         "whole_hz": all_rounded(every.hz),
         "scale": store.exact(np.where(silent, 0.0, size), "f4"),
-        "running": store.rounded(_shares(kept.running, scale)),
-        "whole": store.rounded(_shares(every.running, scale)),
+        "running": store.rounded(_shares(kept.running, scale, drawn)),
+        "whole": store.rounded(_shares(every.running, scale, drawn)),
         "total": store.exact(kept.total, "f4"),
         "whole_total": store.exact(every.total, "f4"),
         "high": high_gains(every, band_hz, store),
     }
 
 
-def _shares(values: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.moveaxis(values / scale, 0, -1))
+def _shares(values: NDArray[np.float64], scale: NDArray[np.float64], drawn: Sequence[int]) -> NDArray[np.float64]:
+    return np.asarray((values / scale).reshape(len(values), -1)[:, list(drawn)].T)
 
 
 def _projection(record: ProjectionRecord) -> dict[str, Any]:

@@ -137,7 +137,8 @@ def render_report(run: RunResult) -> str:
 
 def page_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     """Data of the plots as JSON values; their arrays go to the store."""
-    data = response_data(run, store) | mode_data(run, store) | check_data(run, store)
+    data = response_data(run, store)
+    data |= mode_data(run, store, data["drawn"]) | check_data(run, store)
     data["scene"] = scene_data(run, store)
     data["body_places"] = {body["name"]: k for k, body in enumerate(data["scene"]["bodies"])} if data["scene"] else {}
     data["has_mac"] = any(setting["mac"] is not None for setting in data["settings"])

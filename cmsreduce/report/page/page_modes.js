@@ -103,7 +103,8 @@ const Modes = (() => {
     const found = data.gains[chosen("gain-configuration")];
     const channel = chosen("gain-channel");
     const size = Arrays.read(found.scale)[channel];
-    const curve = (where, hz) => Array.from(Arrays.read(where).subarray(channel * hz.length, (channel + 1) * hz.length), (value) => size * value);
+    const row = data.drawn.indexOf(channel);
+    const curve = (where, hz) => Array.from(Arrays.read(where).subarray(row * hz.length, (row + 1) * hz.length), (value) => size * value);
     const [own, whole] = [curve(found.running, found.hz), curve(found.whole, found.whole_hz)];
     const [total, all] = [Arrays.read(found.total)[channel], Arrays.read(found.whole_total)[channel]];
     const look = { mode: "lines+markers", hovertemplate: "%{x:.5~g} Hz: %{y:.4~g}" };

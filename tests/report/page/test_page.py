@@ -8,6 +8,7 @@ import pytest
 
 from cmsreduce.report import render_report
 from tests.report.conftest import damped
+from tests.report.large_run import large_run
 from tests.report.unpacking import unpacked
 
 HZ_1, HZ_2 = 1.0, 4.0
@@ -291,6 +292,23 @@ def test_a_large_run_stays_small(make_run) -> None:
     # Every channel carries the curves, so that nothing is small for being silent.
     loud = tuple(_in_every_channel(c) for c in run.configurations)
     assert len(render_report(replace(run, configurations=loud)).encode()) < 4e6
+
+
+def test_of_many_channels_the_worst_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 30 channels at two angles 25 have curves and running sums, those with the largest errors of either kind."""
+    monkeypatch.setattr("cmsreduce.report.page.curves._CURVES", 50)
+    run = large_run(modes=125, inputs=3, outputs=10, configurations=2, points=800, nodes=30)
+    size = np.arange(30.0).reshape(10, 3)
+    # Five channels err least in both ways: 24 is the worst in decibels, 29 in the response.
+    errors = {"channel_errors": size / 1e3, "channel_db": np.where(size == 24, 9.0, 0.1)}
+    told = [replace(c, errors={run.model: replace(c.errors[run.model], **errors)}) for c in run.configurations]
+    page = Page(render_report(replace(run, configurations=tuple(told))))
+    assert page.data["first"][1] == 29 and page.data["drawn"] == list(range(5, 30))
+    for setting in page.data["settings"]:
+        assert [k for k, curve in enumerate(setting["curves"]) if curve is not None] == page.data["drawn"]
+    for gains in page.data["gains"]:
+        assert gains["running"]["n"] == 25 * len(gains["hz"])
+    assert "The 25 channels with the largest errors of 30" in page.words
 
 
 def _in_every_channel(result):
