@@ -29,6 +29,10 @@ Columns = NDArray[np.int64]
 Selection = dict[str, Columns]
 """Elastic columns kept of each body; rigid and static ones are always kept."""
 
+# Coefficients that differ by less than this share are those of twins, such as the left and the right wing. Coefficients
+# below the second share of the largest are rounding, and no twins.
+_TWINS, _SEEN = 1e-6, 1e-9
+
 
 def whole_groups(component: ModalComponent) -> list[Columns]:
     """Elastic columns, those of a repeated frequency together, by frequency."""
@@ -124,7 +128,8 @@ def keep_total(components: Mapping[str, ModalComponent], count: int) -> Selectio
     components : mapping of name to ModalComponent
         Bodies ranked by coefficients that can be compared from body to body.
     count : int
-        Elastic modes in all; a few more where the number would split a repeated one.
+        Elastic modes in all; a few more where the number would split a repeated one, or modes of twin bodies: a
+        symmetric system would get a model without symmetry.
 
     Raises
     ------
@@ -139,11 +144,15 @@ def keep_total(components: Mapping[str, ModalComponent], count: int) -> Selectio
         )
     groups = [(float(c.sigma[group].max()), name, group) for name, c in components.items() for group in whole_groups(c)]
     kept: dict[str, list[Columns]] = {name: [] for name in components}
-    taken = 0
-    for _, name, group in sorted(groups, key=lambda each: -each[0]):
+    groups.sort(key=lambda each: -each[0])
+    taken, least = 0, np.inf
+    for value, name, group in groups:
         if taken < count:
-            kept[name].append(group)
-            taken += group.size
+            least = value
+        elif value < least * (1 - _TWINS) or value <= _SEEN * groups[0][0]:
+            break
+        kept[name].append(group)
+        taken += group.size
     return {name: _columns(own) for name, own in kept.items()}
 
 

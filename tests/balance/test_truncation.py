@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmsreduce.balance import Gregory, Hankel, keep_all, keep_fraction, keep_modes
+from cmsreduce.balance import Gregory, Hankel, keep_all, keep_fraction, keep_modes, keep_total
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import DofTable, FEModel, ModalChannels, ModalComponent
 from tests.lyapunov import response, two_close_modes
@@ -40,6 +40,18 @@ BODIES = {
     "rotor": component("rotor", 2, [0.5, 3.0, 0.1, 2.0]),
     "stator": component("stator", 0, [1.0, 0.01]),
 }
+
+
+@pytest.mark.parametrize(("count", "left"), [(1, [0]), (2, [0]), (3, [0, 1]), (4, [0, 1]), (5, [0, 1]), (6, [0, 1])])
+def test_equal_modes_of_twin_bodies_are_kept_together(count: int, left: list[int]) -> None:
+    """Coefficients of a left and a right wing agree to rounding; the third mode of each is rounding itself."""
+    wings = {
+        "left": component("left", 0, [2.0, 1.0, 1e-17]),
+        "right": component("right", 0, [2.0 + 1e-12, 1.0 - 1e-12, 2e-17]),
+    }
+    kept = as_lists(keep_total(wings, count))
+    assert kept["left"][:2] == kept["right"][:2] == left
+    assert sum(map(len, kept.values())) == max(count, 2 * len(left))
 
 
 def as_lists(selection: Mapping[str, np.ndarray]) -> dict[str, list[int]]:
