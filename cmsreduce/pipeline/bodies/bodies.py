@@ -180,6 +180,12 @@ def in_scene(proven: ProvenBody, pipeline: Pipeline, name: str, scene: Scene) ->
     notes, remarks = list(proven.notes), tuple[str, ...]()
     if body.damping.law == "none" and body.D is None:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
+    if rigid.shape[1] and (body.damping.rayleigh or (0.0, 0.0))[0] > 0 and (scene.joints or scene.ground):
+        notes.append(
+            f"{name}: alpha of its Rayleigh damping acts on its elastic modes alone, not on its rigid motions: held by "
+            "joints or the ground it is damped less than by alpha M of the whole model, a cantilever a hundred times "
+            "less. State dampers of the joints or modal ratios, or give its matrices with the supports (`grounded`)"
+        )
     if proven.as_read is not None:
         with files_read():
             added, unproven = body_terms(pipeline, body, proven.as_read)

@@ -14,7 +14,7 @@ from cmsreduce.errors import ConfigError, DofMapError
 from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.write import read_component
-from tests.pipeline.study import ARM_FILES, PIPELINE, arm, write_body
+from tests.pipeline.study import ARM_FILES, CANTILEVER, PIPELINE, arm, write_body
 
 BETA = 1e-5
 
@@ -59,6 +59,17 @@ def test_damping_laws(opened: Callable[..., Run], damping: str, ratio: Callable[
     np.testing.assert_allclose(arm_modes.zeta[6:], ratio(arm_modes.omega[6:]), rtol=1e-12)
     # The unreduced body is damped by the same law.
     assert errors(run)["frf_error"] < 0.03 and errors(run)["frequency_error"] < 1e-3
+
+
+def test_alpha_that_leaves_rigid_motions_alone_is_noted(opened: Callable[..., Run]) -> None:
+    """A cantilever has a hundredth of alpha / 2 w: its first mode is nearly a rigid motion of the free body."""
+    run = opened("components.arm.damping={rayleigh: {alpha: 2.0}}", "balance=null", text=CANTILEVER)
+    first = run.model.assembled.resonances(run.scene.configurations[0])
+    assert 0 < first.zeta[0] < 0.02 / first.omega[0]
+    (note,) = (note for note in run.flexible("arm").notes if "alpha" in note)
+    assert "on its elastic modes alone" in note and "(`grounded`)" in note
+    stiff = opened("components.arm.damping={rayleigh: {beta: 1e-5}}", text=CANTILEVER)
+    assert not any("alpha" in note for note in stiff.flexible("arm").notes)
 
 
 def test_units_in_which_no_material_has_such_waves_are_noted(opened: Callable[..., Run]) -> None:
