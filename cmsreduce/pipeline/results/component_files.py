@@ -44,7 +44,8 @@ def refuse_unwritable(run: Run, values: Values) -> None:
     asked = {f"'{each}'": Profile(each, keys.dialects.get(each)) for each in keys.formats if each in TARGETS}
     asked |= {f"'{each}' (targets)": PROFILES[each] for each in keys.targets}
     for name in run.flexible_names:
-        body, rigid = run.bodies[name].body, run.bodies[name].rigid.shape[1]
+        # Not `run.bodies`, which computes the health of all bodies first.
+        body, rigid = run.flexible(name).body, run.flexible(name).rigid.shape[1]
         turns = any(term.gyroscopic and term.factor(values) for term in body.terms)
         unfit: dict[str, list[str]] = {}
         for each, profile in asked.items():
