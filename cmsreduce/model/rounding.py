@@ -112,6 +112,8 @@ def _are_single(sample: Array, values: Array) -> bool:
     """True if all values are single-precision numbers, and many of the sample need its bits."""
     if not _fit_single(sample):
         return False
+    # What is left where entries cancelled, as along the axes of a regular mesh, is an exact short number.
+    sample = sample[sample > ARITHMETIC * sample.max()]
     mantissa = np.round(np.frexp(sample)[0] * 2.0**_SINGLE_BITS).astype(np.int64)
     used = _SINGLE_BITS - np.log2((mantissa & -mantissa).astype(np.float64))
     # An integer below 2^24 is a single-precision number by itself.

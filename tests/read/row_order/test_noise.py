@@ -69,6 +69,13 @@ EACH_BODY = pytest.mark.parametrize("make", BODIES.values(), ids=BODIES)
 EACH_NOISE = pytest.mark.parametrize(("spoil", "size"), NOISES.values(), ids=NOISES)
 
 
+def test_single_precision_is_seen_beside_what_cancelled():
+    long = np.random.default_rng(3).standard_normal(40).astype(np.float32)
+    left = 2.0**-52 * np.arange(1, 60)  # Entries of a mesh along the axes that should be zero.
+    assert rounding_of_values(np.float64(np.concatenate([long, left]))) == 2.0**-24
+    assert rounding_of_values(np.concatenate([np.float64(long[:2]), left])) == 2.0**-53
+
+
 @EACH_BODY
 @EACH_NOISE
 def test_noise_that_no_file_states_is_measured(make, spoil, size):
