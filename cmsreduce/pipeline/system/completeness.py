@@ -109,9 +109,10 @@ def _free(
     model: AssembledModel, system: System, sensors: Sequence[Channel], configuration: Configuration
 ) -> NDArray[np.bool_]:
     """Mask of the hinges that move in rigid motions."""
-    rows, motions = _rows(model, sensors, configuration), dense(system.T @ system.rigid)
-    # The terms are the motions of the bodies: those of a held hinge in the coordinates of the system are rounding, too.
-    size, terms = (np.linalg.norm(dense(part), axis=1) for part in (rows @ motions, abs(rows) @ abs(motions)))
+    rows, T, motions = _rows(model, sensors, configuration), dense(system.T), system.rigid
+    # The rigid motions of a held hinge are rounding in the coordinates of the system, and in those of the bodies.
+    parts = rows @ (T @ motions), abs(rows) @ (abs(T) @ abs(motions))
+    size, terms = (np.linalg.norm(dense(part), axis=1) for part in parts)
     return np.asarray(size > _HELD * terms)
 
 

@@ -69,6 +69,17 @@ def test_hinges_that_a_spring_holds_and_scenes_without_joints_have_none(opened: 
     assert opened(hinge, "scene.articulation={}").completeness == ()
 
 
+def test_a_hinge_that_a_spring_holds_to_the_ground_has_none_beside_a_free_one(opened: Callable[..., Run]) -> None:
+    """Both bodies of the held hinge stand still in rigid motions, so that their own motions are rounding, too."""
+    weld = "scene.joints.weld={connect: [hub.face, arm.root], free: [ry], stiffness: {ry: 50.0}}"
+    for axis in ("[0.31, 0.78, -0.22]", "[0.5, -0.2, 0.9]", "[-0.7, 0.3, 0.1]"):
+        turned = f"components.arm.place={{rotate: {{axis: {axis}, angle: 33 deg}}}}"
+        run = opened(
+            "scene.ground=hub.back", weld, turned, f"components.panel.place={{rotate: {{axis: {axis}, angle: 33 deg}}}}"
+        )
+        assert {each.axis for each in run.completeness} == {"hinge.ry"}
+
+
 @pytest.mark.parametrize("seed", [2, 5])
 def test_strips_on_springs_have_none(seed: int, tmp_path: Path) -> None:
     """A spring at each hinge holds it: the system has six rigid motions, in which no hinge turns."""
