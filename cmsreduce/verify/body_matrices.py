@@ -11,7 +11,7 @@ import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.sparse import factorise, hand_down_order, share_order
-from cmsreduce.model import CONDENSATION, PRINTED, FEModel
+from cmsreduce.model import CONDENSATION, PRINTED, FEModel, entry_errors
 
 __all__ = ["Contrast", "Grounding", "LightDofs", "grounding", "light_dofs", "negative_directions", "stiffness_contrast"]
 
@@ -41,12 +41,13 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integ
     -------
     int or None
         Negative pivots of the matrix, scaled to a unit diagonal and raised by its rounding (Sylvester's law of
-        inertia); None where the factorisation does not count them.
+        inertia); None where the factorisation does not count them. Raised by the sum of the errors in its row, each
+        diagonal entry makes up for all of them.
     """
     own, count = abs(A.diagonal()), 0
     scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
     for rows, inner, copies in _different_parts(A, kind):
-        raised = _raised(inner, scale[rows], max(CONDENSATION, PRINTED * rounding))
+        raised = _raised(inner, scale[rows], rounding)
         order = share_order(raised if inner is A else A, borrowed=True)
         if inner is not A and order is not None:
             hand_down_order(raised, rows, order)
@@ -57,12 +58,17 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integ
     return count
 
 
-def _raised(A: sp.csc_array, scale: Array, by: float) -> sp.csc_array:
-    """A matrix with its rows and columns scaled, and its diagonal raised."""
+def _raised(A: sp.csc_array, scale: Array, rounding: float) -> sp.csc_array:
+    """A matrix with its rows and columns scaled, and its diagonal raised by its rounding."""
+    counts = np.diff(A.indptr)
     data = A.data * scale[A.indices]
-    data *= np.repeat(scale, np.diff(A.indptr))
+    data *= np.repeat(scale, counts)
     unit = sp.csc_array((data, A.indices, A.indptr), shape=A.shape)
-    return sp.csc_array(unit + by * sp.eye_array(A.shape[0], format="csc"))
+    by = np.full(A.shape[0], max(CONDENSATION, PRINTED * rounding))
+    if PRINTED * rounding * counts.max(initial=0) > CONDENSATION:
+        errors = entry_errors(A.data, rounding) * scale[A.indices] * np.repeat(scale, counts)
+        by = np.maximum(by, np.bincount(A.indices, errors, A.shape[0]))
+    return sp.csc_array(unit + sp.diags_array(by, format="csc"))
 
 
 def _different_parts(A: sp.csc_array, kind: NDArray[np.integer[Any]] | None) -> list[tuple[Indices, sp.csc_array, int]]:

@@ -39,7 +39,8 @@ _TRUSTED = 1e-4
 # a number.
 _LEFT_BY_ARITHMETIC = 20.0
 _LEFT_BY_FILE = 10.0
-# A negative kinetic energy larger than this share of its terms is an error of the matrix, not rounding.
+# A negative kinetic energy larger than this share of its terms, and than the rounding of the file, is an error of the
+# matrix.
 _NEGATIVE = 1e-6
 # A mass is real above this many times the largest negative one, which rounding has left.
 _ABOVE_NEGATIVE = 10.0
@@ -237,7 +238,7 @@ def split_massless(K: Array, M: Array, rounding: float = 2.0**-53) -> tuple[Arra
     # The energy of a vector, second order in its error, has fewer roundings than the eigenvalue of a large matrix.
     weight = np.einsum("ij,ij->j", U, scaled @ U)
     terms = np.maximum(energy_parts(scaled, U), 1.0)
-    if (weight < -_NEGATIVE * terms).any():
+    if (weight < -max(_NEGATIVE, _limit(rounding)) * terms).any():
         raise MatrixError(
             f"the mass matrix is not positive semidefinite: a shape has {(weight / terms).min():.2g} times the mass of "
             "its parts; check the signs of the entries off the diagonal"

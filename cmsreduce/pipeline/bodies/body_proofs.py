@@ -106,8 +106,7 @@ def definite(body: FEModel, proven: Array | None, as_read: FEModel | None = None
             lend_order(body.K, as_read.dofs.rows(body.dofs.node, body.dofs.component), as_read.M)
         mass = negative_directions(as_read.M, as_read.rounding, as_read.dofs.component)
         return {"stiffness": stiffness, "mass": mass}
-    limit = -max(_DEFINITE, _DIGITS * body.rounding)
-    return {"stiffness": stiffness, "mass": int((smallest < limit).sum())}
+    return {"stiffness": stiffness, "mass": int((smallest < -_DEFINITE).sum())}
 
 
 def prove_body(

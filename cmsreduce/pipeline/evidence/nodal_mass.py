@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
-from cmsreduce.model import SCALAR, FEModel, Finding, cross_matrix, rigid_body_shapes
+from cmsreduce.model import SCALAR, FEModel, Finding, cross_matrix, entry_errors, rigid_body_shapes
 from cmsreduce.pipeline.evidence.deck_agreement import masses_move
 
 __all__ = [
@@ -52,7 +52,10 @@ _AGREES = 0.9
 
 
 def lumps(body: FEModel) -> Array | None:
-    """Least eigenvalue of each node's block of a lumped mass, scaled to a unit diagonal; None if nodes are coupled."""
+    """Least eigenvalue of each node's block of a lumped mass, scaled to a unit diagonal; None if nodes are coupled.
+
+    Each diagonal entry is raised by the rounding of its row, as rods turn about one axis alone.
+    """
     M, (_, rows) = body.M, np.unique(body.dofs.node, return_counts=True)
     if np.diff(M.indptr).max(initial=0) > rows.max(initial=0):
         # The block of a node has no more entries in a column.
@@ -70,6 +73,8 @@ def lumps(body: FEModel) -> Array | None:
     own = abs(M.diagonal())
     scale = 1 / np.sqrt(np.where(own > 0, own, max(float(own.max(initial=0.0)), np.finfo(float).tiny)))
     blocks[node[column], place[M.indices], place[column]] = M.data * scale[M.indices] * scale[column]
+    errors = entry_errors(M.data, body.rounding) * scale[M.indices] * scale[column]
+    blocks[node, place, place] += np.bincount(M.indices, errors, body.n)
     return np.asarray(np.linalg.eigvalsh(blocks)[:, 0])
 
 

@@ -13,13 +13,14 @@ from click.testing import CliRunner
 from cmsreduce.cli import main
 from cmsreduce.config import build_scene, load_pipeline
 from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.linalg.eigen import elastic_pairs, rigid_body_modes
 from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.proven_bodies import _mechanisms
 from cmsreduce.read import prove_mass_order, prove_row_order
 from cmsreduce.read.nastran.stated import deck_statement
+from cmsreduce.verify import negative_directions
 from tests.frames import BAR, beam_matrices, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
 from tests.solids import block
@@ -521,3 +522,19 @@ def test_a_held_plate_whose_file_has_too_few_digits_is_named():
     assert note.startswith(f"plate: K leaves {rigid.shape[1]} motions without energy that are no rigid motions")
     assert "too few digits" in note
     assert _mechanisms(made, np.zeros((made.n, 0))) == []
+
+
+@pytest.mark.parametrize(("digits", "seed"), [(6, 2), (8, 9)])
+def test_rods_that_turn_about_one_axis_have_no_negative_mass_in_few_digits(digits: int, seed: int) -> None:
+    """Inertia about one skew axis has two eigenvalues of zero, which rounding makes negative."""
+    axes = np.random.default_rng(seed).standard_normal((len(XYZ), 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    M = np.kron(np.eye(len(XYZ)), np.diag([2.0, 2.0, 2.0, 0.0, 0.0, 0.0]))
+    for k, axis in enumerate(axes):
+        M[6 * k + 3 : 6 * k + 6, 6 * k + 3 : 6 * k + 6] = 0.01 * np.outer(axis, axis)
+    printed = sp.csc_array([[float(f"{value:.{digits - 1}e}") for value in row] for row in M])
+    rods = replace(FRAME, M=printed, rounding=0.5 * 10.0**-digits)
+    assert definite(rods, None)["mass"] == negative_directions(printed, rods.rounding) == 0
+    assert elastic_pairs(rods.K.toarray() + np.eye(rods.n), printed.toarray(), np.empty((rods.n, 0)), rods.rounding)
+    wrong = printed - sp.csc_array(([1e-6], ([3], [3])), shape=printed.shape)
+    assert definite(replace(rods, M=wrong), None)["mass"] == 1
