@@ -42,9 +42,9 @@ ORTHOGONAL = 1e-10
 STATIC = "static: carries no mass"
 """Reason why a static mode is kept."""
 
-# Stiffness between a rigid and an elastic mode that is taken out, in the measure of `orthogonality_errors`: less may be
-# rounding of K, which would bend an exact motion; more is an error of the motion, which is shown.
-_COUPLED, _WRONG = 0.5 * ORTHOGONAL, 100 * ORTHOGONAL
+# Stiffness between a rigid and an elastic mode that is taken out, as `orthogonality_errors` measures it: less may be
+# rounding of K, which would bend an exact motion; more, also than ten roundings of relative places, is shown.
+_COUPLED, _WRONG, _PLACES = 0.5 * ORTHOGONAL, 100 * ORTHOGONAL, 10.0
 # Strain energy of a static mode below this many roundings of its terms over all dofs: shapes repeat each other.
 _REPEATS = 100.0
 # Shapes that cancel leave this share as a displacement: the root of the share in an energy.
@@ -283,10 +283,12 @@ def _polish(body: FEModel, Phi: Array, r: int, s: int, lam: Array) -> Array:
     if (abs(loads) > _COUPLED * np.sqrt(np.outer(lam, norm[:r]))).any():
         hidden = error_of_sum(body.stiffness_rounding) / ORTHOGONAL
         norm = np.maximum(norm, hidden * absolute_parts(body.K, Phi[:, : norm.size]))
-        if _COUPLED < (abs(loads) / np.sqrt(np.outer(norm[r:], norm[:r]))).max() < _WRONG:
-            rigid -= elastic @ (loads / lam[:, None])
+        places = 0.0 if body.nodes is None else _PLACES * body.nodes.relative_rounding
+        if _COUPLED < (abs(loads) / np.sqrt(np.outer(norm[r:], norm[:r]))).max() < max(_WRONG, places):
             steps = 3
     for _ in range(2):
+        if steps > 1:
+            rigid -= elastic @ (elastic.T @ (body.K @ rigid) / lam[:, None])
         combine(rigid, np.linalg.inv(np.linalg.cholesky(congruence(body.M, rigid))).T)
         combine(static, 1.5 * np.eye(s) - 0.5 * congruence(body.K, static))
         momentum = body.M @ rigid

@@ -220,6 +220,12 @@ class Nodes:
     def __len__(self) -> int:
         return int(self.id.size)
 
+    @property
+    def relative_rounding(self) -> float:
+        """Rounding of the coordinates relative to the radius of gyration of the nodes."""
+        size = float(np.sqrt(self.xyz.var(axis=0).sum())) if len(self) else 0.0
+        return self.xyz_rounding / size if size > 0 else 0.0
+
     @cached_property
     def _sorted(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         order = np.argsort(self.id, kind="stable")
