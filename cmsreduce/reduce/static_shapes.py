@@ -45,6 +45,8 @@ _BEYOND_MODES = 1e-18
 # Relative to the largest strain energy under a load of the same norm: less is the square of round-off, as under loads
 # that only move parts of a body, such as the ends of a spring across it.
 _ROUND_OFF = 1e-28
+# A unit shape that has less energy once the known ones are removed again was the rounding of theirs.
+_LEFT = 0.5
 # Shapes of a basis are dependent when the others leave less than this share of one's strain energy.
 _DEPENDENT = 1e-13
 # Relative rounding of entries that are printed with twelve digits or fewer.
@@ -138,7 +140,11 @@ def residual_shapes(
     # Shapes of nearly equal loads lose digits when they are made orthonormal: the step is repeated.
     for _ in range(2 if number.size else 0):
         _clear(Psi, V, force)
-        R = la.cholesky(congruence(K, Psi))
+        energy = congruence(K, Psi)
+        left = energy.diagonal() > _LEFT
+        if not left.all():
+            Psi, number, energy = combined(Psi, np.eye(left.size)[:, left]), number[left], energy[np.ix_(left, left)]
+        R = la.cholesky(energy)
         for rows in row_blocks(n, number.size):
             Psi[rows] = _over(Psi[rows], R)
     return Psi, number

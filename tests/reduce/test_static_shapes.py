@@ -59,6 +59,13 @@ def test_a_load_that_the_known_shapes_answer_adds_nothing(clamped, modes):
     assert number.tolist() == [2]
 
 
+@pytest.mark.parametrize("off", [3e-5, 1e-4, 1e-3])
+def test_a_mode_that_is_not_quite_normal_leaves_no_shape_of_its_own_load(off):
+    K, mode = sp.diags_array([1.0, 2.0, 3.0, 4.0], format="csc"), (1 + off) * np.eye(4)[:, :1]
+    _, number = residual_shapes(factorise(K), K, np.eye(4), mode, sp.eye_array(4, format="csc"))
+    assert sorted(number) == [1, 2, 3]
+
+
 def test_loads_that_repeat_one_another_count_once(clamped, modes):
     F = np.random.default_rng(1).standard_normal((clamped.n, 3))
     repeated = np.column_stack([F, 1e6 * F[:, 0], F[:, 1] - 2 * F[:, 2], np.zeros(clamped.n)])
