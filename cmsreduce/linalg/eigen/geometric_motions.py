@@ -31,7 +31,7 @@ _SUPPORTED = 1e-2
 
 
 class Geometric(NamedTuple):
-    """Rigid-body shapes of the geometry that K does not resist (n, r), with their energy shares; and the others.
+    """Rigid-body shapes of the geometry that K does not resist (n, r), the others, and shares of energy: rounding.
 
     If K resists all of them, the shares are those of the rows away from the ground, which resist none; there are none
     if it holds most rows.
@@ -78,7 +78,9 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
     scale = own[:, None] * (own[:, None] * sizes[:, rigid]).max(axis=0, initial=0.0)
     explained = 2 * PRINTED * error * parts[:, :-1][:, rigid] + max(ARITHMETIC, error) * scale
     coarse = bool((abs(force[:, rigid]) > explained).any())
-    return Geometric(shapes[:, rigid], share[rigid], shapes[:, ~rigid], energy[~rigid], coarse)
+    # Coarse coordinates leave forces, and energy to second order alone: these shapes show the rounding of K, too.
+    shown = rigid | is_rounding(share, LEFT_BY_FILE * rounding)
+    return Geometric(shapes[:, rigid], share[shown], shapes[:, ~rigid], energy[~rigid], coarse)
 
 
 def _supported(force: Array, terms: Array, own: Array, left: float) -> NDArray[np.bool_]:

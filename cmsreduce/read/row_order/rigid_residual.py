@@ -173,6 +173,11 @@ def rigid_residual(
     tolerance = np.divide(allowed, scale, out=np.zeros_like(at), where=scale > 0)
     worst_of_row = (excess[rows, worst], relative[rows, worst], tolerance[rows, worst])
     noise = max(noise, found)
+    if condensed:
+        # Coordinates change the energy of a rigid motion to second order alone: that of a condensed K is its noise.
+        energy, parts = (abs(np.einsum("ij,ij->j", *pair)) for pair in ((shapes, force), (np.abs(shapes), terms)))
+        share = float(np.divide(energy, parts, out=np.zeros_like(energy), where=parts > 0).max())
+        noise = max(noise, min(_MARGIN * share, CONDENSATION))
     return RigidResidual(motions, length, centre, shapes, force, *worst_of_row, rounding, noise, exact, off)
 
 

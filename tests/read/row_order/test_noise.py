@@ -14,6 +14,7 @@ from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import FEModel, rigid_body_shapes, rounding_of_values
 from cmsreduce.read import MatrixSource, prove_row_order, read_body
+from tests.frames import Section, frame
 from tests.hard.numbers import PAIRS, TRUSS
 from tests.hard.structures import bars
 from tests.solids import block
@@ -74,6 +75,23 @@ def test_single_precision_is_seen_beside_what_cancelled():
     left = 2.0**-52 * np.arange(1, 60)  # Entries of a mesh along the axes that should be zero.
     assert rounding_of_values(np.float64(np.concatenate([long, left]))) == 2.0**-24
     assert rounding_of_values(np.concatenate([np.float64(long[:2]), left])) == 2.0**-53
+
+
+@pytest.mark.parametrize(("seed", "thick"), [(1, 0.1), (7, 0.1), (10, 0.1)])
+def test_a_condensed_frame_on_printed_places_has_six_motions(seed: int, thick: float) -> None:
+    """Ten digits of the places leave forces; energy, in which they are of second order, shows the noise of K."""
+    bar = Section(A=thick**2, Iy=thick**4 / 12, Iz=thick**4 / 12, J=thick**4 / 7)
+    xyz = np.cumsum(np.random.default_rng(seed).uniform(-0.1, 0.1, (12, 3)), axis=0)
+    whole = frame("frame", xyz.tolist(), [(k, k + 1) for k in range(1, 12)], section=bar)
+    kept, K, M = np.isin(whole.dofs.node, [1, 6, 12]), whole.K.toarray(), whole.M.toarray()
+    T = np.eye(whole.n)[:, kept]
+    T[~kept] = -np.linalg.solve(K[np.ix_(~kept, ~kept)], K[np.ix_(~kept, kept)])
+    K, M = (sp.csc_array(T.T @ (A + A.T) @ T / 2) for A in (K, M))
+    nodes = replace(whole.nodes, xyz=np.array([[float(f"{x:.9e}") for x in at] for at in xyz]), xyz_rounding=5e-11)
+    body = FEModel("frame", K, M, whole.dofs[np.flatnonzero(kept)], nodes, {})
+    body = prove_row_order(body).estimated(body)
+    R = rigid_body_shapes(body.dofs, body.nodes, nodes.xyz.mean(axis=0))
+    assert rigid_body_modes(body.K, body.M, R, body.stiffness_rounding, "frame").shape[1] == 6
 
 
 @EACH_BODY
