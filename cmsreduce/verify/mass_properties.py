@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import FEModel, Nodes, cross_matrix, rigid_body_shapes
+from cmsreduce.model import SCALAR, FEModel, Nodes, cross_matrix, rigid_body_shapes
 
 __all__ = [
     "FreeMass",
@@ -89,11 +89,15 @@ class FreeMass:
         R^T M R, with R about the centroid of the nodes.
     size : float
         Largest extent of the body.
+    turns : bool
+        The coupling with rotations is that of one centre: not of a condensed body that is held in some directions,
+        because its inner nodes follow no rotation out of the others.
     """
 
     along: NDArray[np.int64]
     rigid: Array
     size: float
+    turns: bool
 
     @property
     def disorder(self) -> float:
@@ -109,7 +113,9 @@ class FreeMass:
             return 0.0
         translation, coupling = self.rigid[np.ix_(along, along)], self.rigid[np.ix_(along, 3 + along)] / self.size
         mass = float(np.trace(translation) / along.size)
-        worst = max(abs(translation - mass * np.eye(along.size)).max(), abs(coupling + coupling.T).max())
+        worst = abs(translation - mass * np.eye(along.size)).max()
+        if self.turns:
+            worst = max(worst, abs(coupling + coupling.T).max())
         return float(worst / mass) if mass > 0 else float("inf")
 
 
@@ -119,7 +125,9 @@ def free_mass(body: FEModel) -> FreeMass:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass matrix cannot be compared with a rigid one")
     R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
     size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
-    return FreeMass(_moving_directions(body, body.nodes), R.T @ (body.M @ R), size)
+    along = _moving_directions(body, body.nodes)
+    condensed = not np.isin(body.nodes.id, body.dofs.node).all() or bool((body.dofs.component == SCALAR).any())
+    return FreeMass(along, R.T @ (body.M @ R), size, turns=along.size == R.shape[1] // 2 or not condensed)
 
 
 def _moving_directions(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:

@@ -55,3 +55,20 @@ def test_rows_of_the_mass_matrix_in_another_order_show():
     order = np.random.default_rng(3).permutation(body.n)
     shuffled = replace(body, M=sp.csc_array(body.M[order][:, order]))
     assert free_mass(shuffled).disorder > 0.1
+
+
+def test_a_condensed_body_that_moves_in_a_plane_is_held_to_its_motions():
+    """A frame out of the plane of its motion: rotations about x and y are no motions, and M couples them as it likes."""
+    xyz = [[0, 0, 0], [1, 0, 0.3], [1.4, 1, 0], [0.8, 1.3, 0.9], [0, 2, 1]]
+    whole = frame("frame", xyz, [(1, 2), (2, 3), (3, 4), (4, 5)])
+    plane = np.isin(whole.dofs.component, [1, 2, 6])
+    kept, inner = plane & np.isin(whole.dofs.node, [1, 3, 5]), plane & np.isin(whole.dofs.node, [2, 4])
+    K, M, T = whole.K.toarray(), whole.M.toarray(), np.eye(whole.n)[:, kept]
+    T[inner] = -np.linalg.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, kept)])
+    body = replace(
+        whole, K=sp.csc_array(T.T @ K @ T), M=sp.csc_array(T.T @ M @ T), dofs=whole.dofs[np.flatnonzero(kept)]
+    )
+    found = free_mass(body)
+    assert found.along.tolist() == [0, 1] and found.disorder < 1e-12
+    order = [1, 0, *range(2, body.n)]
+    assert free_mass(replace(body, M=sp.csc_array(body.M[order][:, order]))).disorder > 0.01
