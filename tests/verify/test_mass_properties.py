@@ -58,7 +58,7 @@ def test_rows_of_the_mass_matrix_in_another_order_show():
 
 
 def test_a_condensed_body_that_moves_in_a_plane_is_held_to_its_motions():
-    """A frame out of the plane of its motion: rotations about x and y are no motions, and M couples them as it likes."""
+    """A frame out of the plane of its motion: M couples rotations about x and y, which are no motions, anyhow."""
     xyz = [[0, 0, 0], [1, 0, 0.3], [1.4, 1, 0], [0.8, 1.3, 0.9], [0, 2, 1]]
     whole = frame("frame", xyz, [(1, 2), (2, 3), (3, 4), (4, 5)])
     plane = np.isin(whole.dofs.component, [1, 2, 6])
