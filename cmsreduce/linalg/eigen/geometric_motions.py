@@ -26,6 +26,8 @@ relative to the decade of a number."""
 _RIGID_FACTOR = 1e4
 # Of a body that the ground holds, rows that resist no rigid motion show the rounding of K if they are such a share.
 _MOST_ROWS = 0.5
+# Supports load fewer rows than this share of those that move. In a plane body half of the rows may move by rounding.
+_MANY_ROWS = 0.2
 # Beside them, a force of this share of its own terms is a support: digits of K or of coordinates leave less.
 _SUPPORTED = 1e-2
 
@@ -38,6 +40,8 @@ class Geometric(NamedTuple):
 
     ``coarse`` is True if K resists the free ones by more than its own errors: digits of the coordinates limit them, not
     those of K. Such shapes couple with soft modes. The motions of K near them do not.
+
+    ``spread`` is True for the others that many rows resist: digits of the coordinates may be the cause, and no support.
     """
 
     free: Array
@@ -45,6 +49,7 @@ class Geometric(NamedTuple):
     resisted: Array
     energy: Array
     coarse: bool
+    spread: NDArray[np.bool_]
 
 
 def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geometric:
@@ -52,7 +57,7 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
     lengths = np.empty(0) if R is None else np.linalg.norm(R, axis=0)
     if R is None or not lengths.any():
         none = np.empty((K.shape[0], 0))
-        return Geometric(none, np.empty(0), none, np.empty(0), False)
+        return Geometric(none, np.empty(0), none, np.empty(0), False, np.zeros(0, dtype=bool))
     Q, s, _ = svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
     Q = Q[:, s > DEPENDENT * s.max()]
     force = symmetric_product(K)(Q)
@@ -74,13 +79,15 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
         else:
             terms = sizes[away] * parts[away, :-1]
             share = _share(np.einsum("ij,ij->j", shapes[away], force[away]), terms.sum(axis=0))
-        return Geometric(shapes[:, rigid], share, shapes, energy, False)
+        return Geometric(shapes[:, rigid], share, shapes, energy, False, rigid)
     scale = own[:, None] * (own[:, None] * sizes[:, rigid]).max(axis=0, initial=0.0)
     explained = 2 * PRINTED * error * parts[:, :-1][:, rigid] + max(ARITHMETIC, error) * scale
     coarse = bool((abs(force[:, rigid]) > explained).any())
     # Coarse coordinates leave forces, and energy to second order alone: these shapes show the rounding of K, too.
     shown = rigid | is_rounding(share, LEFT_BY_FILE * rounding)
-    return Geometric(shapes[:, rigid], share[shown], shapes[:, ~rigid], energy[~rigid], coarse)
+    loud, moved = (abs(force) > LEFT_BY_FILE * error * parts[:, :-1])[:, ~rigid], (parts[:, :-1] > 0)[:, ~rigid]
+    spread = loud.sum(axis=0) > _MANY_ROWS * moved.sum(axis=0)
+    return Geometric(shapes[:, rigid], share[shown], shapes[:, ~rigid], energy[~rigid], coarse, spread)
 
 
 def _supported(force: Array, terms: Array, own: Array, left: float) -> NDArray[np.bool_]:

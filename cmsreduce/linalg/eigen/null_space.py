@@ -138,7 +138,7 @@ def rigid_body_modes(
     if proven is None and prove and K.shape[0] > _DENSE_LIMIT:
         proven = only_motions(K, R, rounding)
     if proven is None:
-        shapes, share, _, _, coarse = geometric_motions(K, R, rounding)
+        shapes, share, _, _, coarse, _ = geometric_motions(K, R, rounding)
         N = _null_motions(K, rounding, shapes, share)
     else:
         shapes, N, coarse = proven, proven, False
@@ -207,11 +207,12 @@ def only_motions(
     (n, r) float64 or None
         None if K may have a mechanism, or a soft motion that only `stiffness_null_space` distinguishes from one.
     """
-    shapes, share, resisted, energy, coarse = geometric_motions(K, R, rounding)
+    shapes, share, resisted, energy, coarse, spread = geometric_motions(K, R, rounding)
     sound = max(SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
     # The last pivot is the least energy of a motion that moves its dof by one; here for a typical dof, relative to its
     # diagonal entry. If it is too small, K may resist the motion only because of the digits of the coordinates.
-    weak = energy <= sound * (K.diagonal() @ resisted**2) / K.shape[0]
+    # What many rows resist may be rigid by K alone: its rounding adds up to more than a sound pivot at a soft dof.
+    weak = spread | (energy <= sound * (K.diagonal() @ resisted**2) / K.shape[0])
     motions, what = np.hstack([shapes, resisted[:, weak]]), "the stiffness held against its rigid motions"
     try:
         held = HeldStiffness.of(K, motions, what, interface, sound)
