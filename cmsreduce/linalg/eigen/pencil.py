@@ -228,8 +228,8 @@ def split_massless(K: Array, M: Array, rounding: float = 2.0**-53) -> tuple[Arra
         If M gives a shape negative mass.
     """
     # A unit diagonal of M mixes coordinates of different units without loss of digits. A diagonal mass counts as none
-    # if a double cannot hold its frequency beside the others.
-    least = (_LEFT_BY_ARITHMETIC * float(np.finfo(float).eps)) ** 2 * float(np.trace(M)) / (float(np.trace(K)) or 1.0)
+    # if a double cannot hold the square of its frequency beside the others.
+    least = _LEFT_BY_ARITHMETIC * float(np.finfo(float).eps) * float(np.trace(M)) / (float(np.trace(K)) or 1.0)
     weighs = M.diagonal() > least * np.maximum(K.diagonal(), 0.0)
     diagonal = np.where(weighs, M.diagonal(), abs(M).max(initial=0.0) or 1.0)
     scale = 1 / np.sqrt(diagonal)

@@ -163,3 +163,16 @@ def test_negative_kinetic_energy_shows_the_rounding_of_the_mass():
     lam, _, N = elastic_and_massless(K, M, np.empty((6, 0)))
     assert N.shape[1] == 4
     np.testing.assert_allclose(np.sqrt(lam), w, rtol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_static_shapes_whose_mass_is_rounding_are_massless(seed):
+    """Moments on nodes without rotary inertia, of a free plate: their shapes have the square of rounding as mass."""
+    rng = np.random.default_rng(seed)
+    momentum = la.qr(rng.standard_normal((18, 18)))[0][:, :16]
+    momentum[:, 9:14] *= 1e-6
+    momentum[:, 14:] = 3e-14 * rng.standard_normal((18, 2))
+    K = np.diag([0.0] * 6 + [2e6, 2.6e7, 5.8e7] + [1.0] * 7)
+    lam, _, N = elastic_and_massless(K, momentum.T @ momentum, np.eye(16)[:, :6])
+    np.testing.assert_allclose(lam, [2e6, 2.6e7, 5.8e7] + [1e12] * 5, rtol=1e-9)
+    assert N.shape == (16, 2)
