@@ -85,7 +85,12 @@ def is_condensed(body: FEModel) -> bool:
         return True
     if body.nodes is None:
         return False
-    known = body.dofs.node if body.constrained is None else np.concatenate([body.dofs.node, body.constrained.node])
+    known = body.dofs.node
+    if body.constrained is not None:
+        # A deck may hold rotations, or the motions out of a plane, of nodes that were condensed.
+        moves = body.constrained.component
+        held, count = np.unique(body.constrained.node[(moves > 0) & (moves <= _TRANSLATIONS)], return_counts=True)
+        known = np.concatenate([known, held[count == _TRANSLATIONS]])
     return not np.isin(body.nodes.id, known).all()
 
 

@@ -12,8 +12,9 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import FEModel, rigid_body_shapes, rounding_of_values
+from cmsreduce.model import DofTable, FEModel, rigid_body_shapes, rounding_of_values
 from cmsreduce.read import MatrixSource, prove_row_order, read_body
+from cmsreduce.read.row_order import is_condensed
 from tests.frames import Section, frame
 from tests.hard.numbers import PAIRS, TRUSS
 from tests.hard.structures import bars
@@ -92,6 +93,21 @@ def test_a_condensed_frame_on_printed_places_has_six_motions(seed: int, thick: f
     body = prove_row_order(body).estimated(body)
     R = rigid_body_shapes(body.dofs, body.nodes, nodes.xyz.mean(axis=0))
     assert rigid_body_modes(body.K, body.M, R, body.stiffness_rounding, "frame").shape[1] == 6
+
+
+@pytest.mark.parametrize(
+    ("components", "condensed"),
+    [((), True), ((4, 5, 6), True), ((3, 4, 5), True), ((1, 2, 3, 4, 5, 6), False)],
+    ids=str,
+)
+def test_nodes_without_rows_are_condensed_unless_they_are_held(components: tuple[int, ...], condensed: bool) -> None:
+    whole = BODIES["frame"]()
+    inner = whole.dofs.node == whole.nodes.id[2]
+    held = DofTable(np.full(len(components), whole.nodes.id[2]), np.array(components, dtype=np.int64))
+    kept = np.flatnonzero(~inner)
+    K, M = (sp.csc_array(A[kept][:, kept]) for A in (whole.K, whole.M))
+    body = FEModel("frame", K, M, whole.dofs[kept], whole.nodes, {}, constrained=held if components else None)
+    assert is_condensed(body) == condensed
 
 
 @EACH_BODY
