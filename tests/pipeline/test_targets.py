@@ -24,7 +24,7 @@ from cmsreduce.errors import ConfigError, WriteError
 from cmsreduce.mechanics import lumped_mass
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.write import PROFILES, TARGETS, convert, read_component
-from tests.pipeline.study import PIPELINE, panel, write_body
+from tests.pipeline.study import PIPELINE, arm, panel, write_body
 from tests.sealed import resealed
 
 
@@ -270,13 +270,13 @@ def test_a_superelement_needs_shapes_for_its_interface(finished_study: Path, tmp
     assert "cannot move its 12 interface dofs independently; keep all modes (`balance: {keep: all}`)" in result.output
 
 
-LOSS = "components.arm.damping={structural: 0.02}"
-WHEEL = "components.arm.wheels={spin: {at: 3, axis: z, momentum: 2}}"
+LOSS = "components.BODY.damping={structural: 0.02}"
+WHEEL = "components.BODY.wheels={spin: {at: 3, axis: z, momentum: 2}}"
 UNWRITABLE = {
     "structural damping": (LOSS, "[matlab, nastran, sid]", "[]", "'matlab', 'sid': .*structural damping"),
     "of a program": (LOSS, "[hdf5]", "[exudyn]", "'exudyn' .targets.: .*structural damping"),
     "wheel": (WHEEL, "[fmi, mbdyn]", "['42']", "'mbdyn', '42' .targets.: .*gyroscopic"),
-    "support": ("components.panel.grounded=true", "[simscape, abcd]", "[]", "'panel' .*'simscape': .*0 of six rigid"),
+    "support": ("components.BODY.grounded=true", "[simscape, abcd]", "[]", "has 0; hold"),
     "few nodes": ("scene.base=hub", "[dads, 42]", "[mbdyn-1.7.3-lumped]", "'dads', 'mbdyn.*lumped' .*all_nodes: true"),
 }
 
@@ -285,13 +285,20 @@ UNWRITABLE = {
 def test_what_a_format_cannot_hold_is_refused_before_anything_is_reduced(
     opened: Callable[..., Run], study: Path, key: str, formats: str, targets: str, message: str
 ) -> None:
-    if "grounded" in key:
-        body = panel()
+    for body in (arm(), panel()) if "grounded" in key else ():
         write_body(study.parent, replace(body, K=body.K + 1e4 * sp.eye_array(body.n, format="csc")))
-    run = opened(key, f"write={{formats: {formats}, targets: {targets}}}")
+    keys = {key.replace("BODY", name) for name in ("arm", "panel")}
+    run = opened(*keys, f"write={{formats: {formats}, targets: {targets}}}")
     with pytest.raises(ConfigError, match=message):
         execute(run, study, report=False)
     assert not any((run.folder / "stages").glob("*.reduce.h5"))
+
+
+def test_a_body_that_a_format_cannot_hold_fails_beside_one_that_it_can(opened: Callable[..., Run], study: Path) -> None:
+    run = opened("components.panel.damping={structural: 0.02}", "write={formats: [hdf5, matlab]}")
+    done = execute(run, study, report=False)
+    assert (run.folder / "arm.mat").is_file() and (run.folder / "panel.h5").is_file() and not done.passed
+    assert any("panel" in note and "complex stiff" in note for note in done.notes)
 
 
 def test_the_help_of_convert_names_every_target() -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import absolute_product
-from cmsreduce.model import Matrix
+from cmsreduce.model import CONDENSATION, Matrix
 
 __all__ = [
     "UNRESISTED",
@@ -42,7 +42,7 @@ _LEFT_BY_FILE = 10.0
 # A negative kinetic energy larger than this share of its terms, and than the rounding of the file, is an error of the
 # matrix.
 _NEGATIVE = 1e-6
-# A mass is real above this many times the largest negative one, which rounding has left.
+# A mass is real above this many times the largest negative one, which rounding has left, as far as condensation does.
 _ABOVE_NEGATIVE = 10.0
 
 
@@ -202,7 +202,8 @@ def _not_resisted(K: Array, X: Array, rounding: float) -> str:
 def split_massless(K: Array, M: Array, rounding: float = 2.0**-53) -> tuple[Array, Array, Array]:
     """Split the coordinates of a pencil into shapes with mass and shapes without.
 
-    A shape is massless if its kinetic energy is only rounding of its terms. A light mass of any size is a mass.
+    A shape is massless if its kinetic energy is only rounding of its terms. A light mass of any size above the rounding
+    that negative ones show is a mass.
 
     Parameters
     ----------
@@ -245,7 +246,7 @@ def split_massless(K: Array, M: Array, rounding: float = 2.0**-53) -> tuple[Arra
         )
     # No kinetic energy is negative: the lowest one shows the rounding of the entries, which may be sums of larger ones.
     shown = -float((weight / terms).min(initial=0.0))
-    massless = weight <= max(_limit(rounding), _ABOVE_NEGATIVE * shown) * terms
+    massless = weight <= max(_limit(rounding), min(_ABOVE_NEGATIVE * shown, CONDENSATION)) * terms
     T, N = scale[:, None] * U[:, ~massless], scale[:, None] * U[:, massless]
     if N.shape[1]:
         N = _orthonormal_in_stiffness(K, N, rounding)

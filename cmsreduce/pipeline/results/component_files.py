@@ -11,6 +11,7 @@ import numpy as np
 from cmsreduce.errors import ConfigError
 from cmsreduce.mechanics import moves_generalised
 from cmsreduce.model import UNDETERMINED, Configuration, Values
+from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.results.mass_and_frame import frame_of, integral_frame_of, outboard_of
 from cmsreduce.pipeline.results.result import component_checks
 from cmsreduce.pipeline.results.step_advice import body_costly_modes
@@ -25,7 +26,9 @@ _SIX = 6
 
 
 def refuse_unwritable(run: Run, values: Values) -> None:
-    """Refuse files of other programs that have no place for a body as it was read, before anything is computed.
+    """Refuse files of other programs that have no place for any body as it was read, before anything is computed.
+
+    Where they have a place for another body, the run goes on, and the one that they cannot hold fails alone.
 
     Parameters
     ----------
@@ -37,38 +40,40 @@ def refuse_unwritable(run: Run, values: Values) -> None:
     Raises
     ------
     ConfigError
-        Names the formats, the body and the remedy.
+        Names the formats, a body and the remedy.
     """
     keys = run.pipeline.write
     assert keys is not None
     asked = {f"'{each}'": Profile(each, keys.dialects.get(each)) for each in keys.formats if each in TARGETS}
     asked |= {f"'{each}' (targets)": PROFILES[each] for each in keys.targets}
-    for name in run.flexible_names:
+    unfit: dict[tuple[str, str], list[str]] = {}
+    for each, profile in asked.items():
         # Not `run.bodies`, which computes the health of all bodies first.
-        body, rigid = run.flexible(name).body, run.flexible(name).rigid.shape[1]
-        turns = any(term.gyroscopic and term.factor(values) for term in body.terms)
-        unfit: dict[str, list[str]] = {}
-        for each, profile in asked.items():
-            target = TARGETS[profile.target]
-            dialect = profile.dialect or next(iter(target.dialects), "")
-            if body.damping.structural is not None and not target.structural:
-                why = "they have no place for structural damping, a complex stiffness; give half of it as `modal`"
-            elif turns and not target.gyroscopic:
-                why = "they have no place for gyroscopic forces of wheels and rotors; hdf5, matlab, abcd and fmi have"
-            elif body.nodes is None and target.integrals:
-                why = "they need modal integrals, which a body without geometry lacks; give `geometry:`"
-            elif (target.free or profile.mean_axes) and rigid != _SIX:
-                why = f"they take free bodies, and it has {rigid} of six rigid motions; hold it by a joint instead"
-            elif dialect in target.lumped and not keys.all_nodes:
-                why = "they need the masses of all nodes; set `write: {all_nodes: true}`"
-            else:
-                continue
-            unfit.setdefault(why, []).append(each)
-        if unfit:
-            why, formats = next(iter(unfit.items()))
-            raise ConfigError(
-                f"write: component '{name}' cannot be written as {', '.join(formats)}: {why}, or leave them out"
-            )
+        why = {name: _unfit(profile, run.flexible(name), values, keys.all_nodes) for name in run.flexible_names}
+        if why and all(why.values()):
+            unfit.setdefault(next(iter(why.items())), []).append(each)
+    if unfit:
+        (name, reason), formats = next(iter(unfit.items()))
+        raise ConfigError(
+            f"write: component '{name}' cannot be written as {', '.join(formats)}: {reason}, or leave them out"
+        )
+
+
+def _unfit(profile: Profile, flexible: FlexibleBody, values: Values, all_nodes: bool) -> str:
+    """Why files of a program have no place for a body, and the remedy; empty if they have."""
+    target, body, rigid = TARGETS[profile.target], flexible.body, flexible.rigid.shape[1]
+    if body.damping.structural is not None and not target.structural:
+        return "they have no place for structural damping, a complex stiffness; give half of it as `modal`"
+    if not target.gyroscopic and any(term.gyroscopic and term.factor(values) for term in body.terms):
+        return "they have no place for gyroscopic forces of wheels and rotors; hdf5, matlab, abcd and fmi have"
+    if body.nodes is None and target.integrals:
+        return "they need modal integrals, which a body without geometry lacks; give `geometry:`"
+    if (target.free or profile.mean_axes) and rigid != _SIX:
+        held = "; hold it by a joint in place of `grounded: true`" if body.grounded else ""
+        return f"they take bodies with six rigid motions, and it has {rigid}{held}"
+    if (profile.dialect or next(iter(target.dialects), "")) in target.lumped and not all_nodes:
+        return "they need the masses of all nodes; set `write: {all_nodes: true}`"
+    return ""
 
 
 @diagnostic("the component file of '{}'", about=lambda run, name, *_: name, required=True)
