@@ -22,6 +22,10 @@ from cmsreduce.model.units import SI, Units
 
 __all__ = ["FEModel", "Interface", "Recovery", "Source", "UntiedMass"]
 
+_TRANSLATIONS = 3
+# Share of the nodes with rows up to which nodes without rows may be spare ones.
+_SPARE = 0.1
+
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
@@ -260,6 +264,23 @@ class FEModel:
     def stiffness_rounding(self) -> float:
         """Relative error of K by any source."""
         return max(self.rounding, self.noise)
+
+    @property
+    def nodes_without_rows(self) -> NDArray[np.int64]:
+        """Numbers of the nodes without rows that are not held in all translations: condensed ones, or spare ones."""
+        if self.nodes is None:
+            return np.empty(0, dtype=np.int64)
+        known = self.dofs.node
+        if self.constrained is not None:
+            moves = (self.constrained.component > 0) & (self.constrained.component <= _TRANSLATIONS)
+            held, count = np.unique(self.constrained.node[moves], return_counts=True)
+            known = np.concatenate([known, held[count == _TRANSLATIONS]])
+        return self.nodes.id[~np.isin(self.nodes.id, known)]
+
+    @property
+    def spare_nodes(self) -> bool:
+        """True if its nodes without rows are so few that they may be spare ones, such as those that orient bars."""
+        return self.nodes_without_rows.size <= _SPARE * np.unique(self.dofs.node).size
 
     @cached_property
     def recovery(self) -> Recovery:

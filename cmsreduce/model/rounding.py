@@ -113,13 +113,17 @@ def _are_single(sample: Array, values: Array) -> bool:
     if not _fit_single(sample):
         return False
     # What is left where entries cancelled, as along the axes of a regular mesh, is an exact short number.
-    sample = sample[sample > ARITHMETIC * sample.max()]
+    firm = sample[sample > ARITHMETIC * sample.max()]
+    return (_need_single(sample) or _need_single(firm)) and _fit_single(values)
+
+
+def _need_single(sample: Array) -> bool:
+    """True if many numbers need the bits of single precision."""
     mantissa = np.round(np.frexp(sample)[0] * 2.0**_SINGLE_BITS).astype(np.int64)
     used = _SINGLE_BITS - np.log2((mantissa & -mantissa).astype(np.float64))
     # An integer below 2^24 is a single-precision number by itself.
     long = (used >= _LONG_BITS) & ((sample != np.round(sample)) | (sample > 2.0**_SINGLE_BITS))
-    enough = np.unique(mantissa[long]).size >= _FEWEST_VALUES and long.mean() >= _LONG_SHARE
-    return bool(enough) and _fit_single(values)
+    return bool(np.unique(mantissa[long]).size >= _FEWEST_VALUES and long.mean() >= _LONG_SHARE)
 
 
 def _fit_single(values: Array) -> bool:

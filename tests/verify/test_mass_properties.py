@@ -8,6 +8,7 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.mechanics import rigid_mass
+from cmsreduce.model import Nodes
 from cmsreduce.verify import free_mass, rigid_mass_properties
 from tests.frames import BAR, frame, line, rotation
 
@@ -72,3 +73,17 @@ def test_a_condensed_body_that_moves_in_a_plane_is_held_to_its_motions():
     assert found.along.tolist() == [0, 1] and found.disorder < 1e-12
     order = [1, 0, *range(2, body.n)]
     assert free_mass(replace(body, M=sp.csc_array(body.M[order][:, order]))).disorder > 0.01
+
+
+def test_a_spare_node_does_not_hide_a_mass_in_another_order():
+    """A body held along z that has a grid for the orientation of its bars."""
+    xyz = np.array([[k, 0.3 * (k % 3), 0.1 * (k % 2)] for k in range(13)], dtype=float)
+    whole = frame("frame", xyz[:12], [(k, k + 1) for k in range(1, 12)])
+    kept = np.flatnonzero(whole.dofs.component != 3)
+    K, M = (sp.csc_array(A[kept][:, kept]) for A in (whole.K, whole.M))
+    body = replace(whole, K=K, M=M, dofs=whole.dofs[kept], nodes=Nodes.in_basic(np.arange(1, 14), xyz))
+    assert free_mass(body).disorder < 1e-12
+    order = np.arange(body.n)
+    first = int(np.flatnonzero((body.dofs.node == 5) & (body.dofs.component == 4))[0])
+    order[[first, first + 1]] = order[[first + 1, first]]
+    assert free_mass(replace(body, M=sp.csc_array(M[order][:, order]))).disorder > 1e-4

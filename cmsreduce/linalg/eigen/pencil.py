@@ -202,8 +202,9 @@ def _not_resisted(K: Array, X: Array, rounding: float) -> str:
 def split_massless(K: Array, M: Array, rounding: float = 2.0**-53) -> tuple[Array, Array, Array]:
     """Split the coordinates of a pencil into shapes with mass and shapes without.
 
-    A shape is massless if its kinetic energy is only rounding of its terms. A light mass of any size above the rounding
-    that negative ones show is a mass.
+    A shape is massless if its kinetic energy is only rounding of its terms, or less than ten times the rounding that a
+    negative one shows; a coordinate also if it is stiffer, for its mass, than a double holds beside the others. Any
+    other light mass is a mass.
 
     Parameters
     ----------

@@ -83,15 +83,10 @@ def is_condensed(body: FEModel) -> bool:
     """True if a body's matrices come from condensation: it has generalised coordinates, or nodes without rows."""
     if body.sets.get("q", np.zeros(0)).size:
         return True
-    if body.nodes is None:
-        return False
-    known = body.dofs.node
-    if body.constrained is not None:
-        # A deck may hold rotations, or the motions out of a plane, of nodes that were condensed.
-        moves = body.constrained.component
-        held, count = np.unique(body.constrained.node[(moves > 0) & (moves <= _TRANSLATIONS)], return_counts=True)
-        known = np.concatenate([known, held[count == _TRANSLATIONS]])
-    return not np.isin(body.nodes.id, known).all()
+    inner = body.nodes_without_rows
+    # A deck may hold rotations, or the motions out of a plane, of nodes that were condensed, and of spare ones.
+    partly = body.constrained is not None and bool(np.isin(inner, body.constrained.node).all())
+    return not body.spare_nodes if partly else bool(inner.size)
 
 
 # A body is proven where it is read, and asked for its proof once more in a run.

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import DofTable, FEModel, rigid_body_shapes, rounding_of_values
+from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes, rounding_of_values
 from cmsreduce.read import MatrixSource, prove_row_order, read_body
 from cmsreduce.read.row_order import is_condensed
 from tests.frames import Section, frame
@@ -76,6 +76,8 @@ def test_single_precision_is_seen_beside_what_cancelled():
     left = 2.0**-52 * np.arange(1, 60)  # Entries of a mesh along the axes that should be zero.
     assert rounding_of_values(np.float64(np.concatenate([long, left]))) == 2.0**-24
     assert rounding_of_values(np.concatenate([np.float64(long[:2]), left])) == 2.0**-53
+    # A penalty hides nothing, either.
+    assert rounding_of_values(np.float64(np.append(long, np.float32(1e20)))) == 2.0**-24
 
 
 @pytest.mark.parametrize(("seed", "thick"), [(1, 0.1), (7, 0.1), (10, 0.1)])
@@ -108,6 +110,16 @@ def test_nodes_without_rows_are_condensed_unless_they_are_held(components: tuple
     K, M = (sp.csc_array(A[kept][:, kept]) for A in (whole.K, whole.M))
     body = FEModel("frame", K, M, whole.dofs[kept], whole.nodes, {}, constrained=held if components else None)
     assert is_condensed(body) == condensed
+
+
+@pytest.mark.parametrize("components", [(6,), (4, 5, 6), (3, 4, 5)], ids=str)
+def test_one_spare_node_that_is_held_in_part_makes_no_body_condensed(components: tuple[int, ...]) -> None:
+    """A grid that orients bars, under GRDSET: a soft spring to ground would pass for noise of condensation."""
+    xyz = np.array([[k, 0.2 * (k % 3), 0.1 * (k % 2)] for k in range(13)], dtype=float)
+    whole = frame("frame", xyz[:12], [(k, k + 1) for k in range(1, 12)])
+    spare = DofTable(np.full(len(components), 13), np.array(components, dtype=np.int64))
+    nodes = Nodes.in_basic(np.arange(1, 14), xyz)
+    assert not is_condensed(replace(whole, nodes=nodes, constrained=spare))
 
 
 @EACH_BODY
