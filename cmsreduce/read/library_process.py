@@ -25,8 +25,14 @@ _VTK_KINDS = {
 
 
 # Ends of names of elements of Kratos, which meshio knows by the names of geometries alone; the first that fits counts.
+_KRATOS_LINES = ("Condition2D3N", "LineCondition3D3N", "LineLoadCondition3D3N")
+_KRATOS_BARS = tuple(f"{name}Element{dim}D3N" for name in ("Truss", "Beam") for dim in (2, 3))
+_KRATOS_SHEETS = tuple(f"{name}Element" for name in ("Thin", "Thick", "Membrane", "Surface"))
 _KRATOS_KINDS = {
-    **dict.fromkeys(("Condition3D4N", "ThinElement3D4N", "ThickElement3D4N", "Corotational3D4N", "2D4N"), "quad"),
+    **dict.fromkeys((*_KRATOS_LINES, *_KRATOS_BARS), "line3"),
+    **dict.fromkeys(
+        (*(f"{name}3D4N" for name in ("Condition", "Corotational", "Face", *_KRATOS_SHEETS)), "2D4N"), "quad"
+    ),
     **dict.fromkeys(("Condition3D8N", "2D8N"), "quad8"),
     **dict.fromkeys(("Condition3D6N", "2D6N"), "triangle6"),
     **dict.fromkeys(("3D3N", "2D3N"), "triangle"),
@@ -40,12 +46,25 @@ def mesh(path: str, format: str | None = None) -> Arrays:
     import meshio
     import numpy as np
 
-    numbers = keep_numbers()
+    numbers: list[Any] = []
+    try:
+        numbers = keep_numbers()
+    except (ImportError, AttributeError) as error:
+        if path.lower().endswith((".msh", ".mdpa")):
+            raise ValueError(
+                f"meshio {meshio.__version__} does not give the numbers of nodes ({error}): "
+                "pip install meshio==5.3.5, or write the mesh as MED"
+            ) from error
     found = meshio.read(path, format)
+    if len(numbers) > 1:
+        raise ValueError(f"it has {len(numbers)} blocks of nodes, and one is read: write all nodes in one")
     if numbers and path.lower().endswith(".mdpa"):
         # meshio takes the number of a point for its place.
         for block in found.cells:
-            block.data[...] = np.searchsorted(numbers[0], block.data + 1)
+            number = block.data + 1
+            if (missing := number[~np.isin(number, numbers[0])]).size:
+                raise ValueError(f"a {block.type} names node {missing[0]}, which is not in the file: write it again")
+            block.data[...] = np.searchsorted(numbers[0], number)
     cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
     named = named_points(found)
     sets = {f"set {number}": ids for number, ids in enumerate(named.values())}

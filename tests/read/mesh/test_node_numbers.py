@@ -9,7 +9,8 @@ import meshio
 import numpy as np
 import pytest
 
-from cmsreduce.read import MatrixSource, file_kind, prove_row_order, read_body, read_geometry
+from cmsreduce.errors import ReadError
+from cmsreduce.read import MatrixSource, file_kind, library_process, prove_row_order, read_body, read_geometry
 from cmsreduce.read.geometry import read_cells
 
 PLACES = {20: (0.0, 0.0, 0.0), 40: (1.0, 0.0, 0.0), 30: (0.0, 2.0, 0.0), 70: (0.0, 0.0, 3.0)}
@@ -41,13 +42,60 @@ def test_numbers_with_gaps_are_those_of_the_file(tmp_path: Path, name: str) -> N
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"), [("SmallDisplacementElement3D4N", "tetra"), ("ShellThickElementCorotational3D4N", "quad")]
+    ("name", "kind"),
+    [
+        ("SmallDisplacementElement3D4N", "tetra"),
+        ("ShellThickElementCorotational3D4N", "quad"),
+        ("MembraneElement3D4N", "quad"),
+        ("ThermalFace3D4N", "quad"),
+    ],
 )
 def test_elements_of_kratos_are_those_of_their_names(tmp_path: Path, name: str, kind: str) -> None:
     """Only by the number of nodes, bricks were lines, so that no face was proposed as a mount."""
     path = tmp_path / "a.mdpa"
     path.write_text(FILES["a.mdpa"].replace("Tetrahedra3D4", name))
     assert {key: cells.tolist() for key, cells in read_cells(path).items()} == {kind: [[20, 40, 30, 70]]}
+
+
+@pytest.mark.parametrize(("name", "kind"), [("LineLoadCondition2D3N", "line"), ("MembraneElement3D3N", "triangle")])
+def test_lines_of_three_nodes_are_no_triangles(tmp_path: Path, name: str, kind: str) -> None:
+    (tmp_path / "a.mdpa").write_text(FILES["a.mdpa"].replace("Tetrahedra3D4", name).replace("30 70\nEnd", "30\nEnd"))
+    assert {key: cells.tolist() for key, cells in read_cells(tmp_path / "a.mdpa").items()} == {
+        kind: [[20, 40, 30][: 2 if kind == "line" else 3]]
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("20 40 30 70\nEnd", "20 40 25 70\nEnd", "a tetra names node 25, which is not in the file"),
+        ("20 40 30 70\nEnd", "20 40 30 71\nEnd", "a tetra names node 71, which is not in the file"),
+        ("\n30 ", "\nEnd Nodes\nBegin Nodes\n30 ", "it has 2 blocks of nodes"),
+    ],
+)
+def test_elements_of_kratos_keep_to_the_nodes_of_the_file(tmp_path: Path, old: str, new: str, said: str) -> None:
+    """A missing node was replaced by the next one, and those of a second block by others of their places."""
+    (tmp_path / "a.mdpa").write_text(FILES["a.mdpa"].replace(old, new))
+    with pytest.raises(ReadError, match=said):
+        read_geometry(tmp_path / "a.mdpa")
+
+
+@pytest.mark.parametrize("name", ["a22.msh", "a.vtu"])
+def test_a_meshio_without_numbers_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Where the numbers of nodes are those of the file, places are no substitute; other meshes need none."""
+    points = np.array(list(PLACES.values()))
+    meshio.Mesh(points, [("tetra", [[0, 1, 2, 3]])]).write(tmp_path / "a.vtu")
+    (tmp_path / "a22.msh").write_text(FILES["a22.msh"])
+
+    def renamed() -> list[object]:
+        raise AttributeError("module 'meshio.mdpa._mdpa' has no attribute '_read_nodes'")
+
+    monkeypatch.setattr(library_process, "keep_numbers", renamed)
+    if name == "a.vtu":
+        assert np.array_equal(library_process.mesh(str(tmp_path / name))["points"], points)
+    else:
+        with pytest.raises(ValueError, match=r"does not give the numbers of nodes \(.*_read_nodes.*pip install meshio"):
+            library_process.mesh(str(tmp_path / name))
 
 
 def test_a_plane_body_has_two_rows_for_each_node(tmp_path: Path) -> None:
