@@ -50,7 +50,8 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
     ReadError
         If a file is missing, damaged or of no use, or a body lacks a matrix; the message ends with what to type.
     """
-    kinds, read, useless = _kinds(files)
+    kinds, useless = _kinds(files)
+    read = _read(kinds, useless)
     if not useless:
         return _bodies(name, kinds, read)
     # JOB.* names logs and results beside the deck; a file of another name may be the deck of a body.
@@ -69,15 +70,7 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
 
 def _bodies(name: str, kinds: Mapping[Path, FileKind], read: Mapping[Path, Geometry]) -> list[BodyDraft]:
     """Bodies of files of use, some of which are read."""
-    every_shape = [path for path, kind in kinds.items() if kind.geometry]
-    # A deck says more than the tables of an OP2 file, and than a result or a mesh of its name.
-    every_shape = [path for path in every_shape if kinds[path].geometry != "op2"] or every_shape
-    decks = {path.with_suffix("") for path in every_shape if path.suffix.lower() in _SUFFIXES_OF_DECKS}
-    every_shape = [
-        path
-        for path in every_shape
-        if path.suffix.lower() in _SUFFIXES_OF_DECKS or path.with_suffix("") not in decks or kinds[path].matrices
-    ]
+    every_shape = _with_nodes(kinds)
     sources = [path for path, kind in kinds.items() if kind.matrices and not (kind.geometry and _has_others(kinds))]
     shapes, notes = _each_once(every_shape)
     stems = {path.stem.lower() for path in sources}
@@ -136,15 +129,43 @@ def _deck_first(path: Path) -> tuple[bool, str]:
     return path.suffix.lower() not in _SUFFIXES_OF_DECKS, path.name
 
 
-def _kinds(
-    files: Sequence[Path],
-) -> tuple[dict[Path, FileKind], dict[Path, Geometry], list[tuple[Path, str, ReadError]]]:
-    """Kind of every file of use, the nodes of those that have nothing else, and files without a use.
+def _with_nodes(kinds: Mapping[Path, FileKind]) -> list[Path]:
+    """Files that give the nodes: a deck says more than the tables of an OP2 file."""
+    found = [path for path, kind in kinds.items() if kind.geometry]
+    return [path for path in found if kinds[path].geometry != "op2"] or found
 
-    These come with words for a note and with a refusal; decks without nodes are the first.
+
+def _read(kinds: dict[Path, FileKind], useless: list[tuple[Path, str, ReadError]]) -> dict[Path, Geometry]:
+    """Nodes of the files that count and have nothing else; those that cannot be read go to the files without a use.
+
+    Raises
+    ------
+    ReadError
+        If a deck cannot be read: a result of its name may be of another job.
     """
-    kinds: dict[Path, FileKind] = {}
     read: dict[Path, Geometry] = {}
+    while unread := [path for path in _with_nodes(kinds) if not kinds[path].matrices and path not in read]:
+        for path in unread:
+            try:
+                read[path] = read_unmarked(path, kinds[path])
+            except ReadError as error:
+                kind = kinds.pop(path)
+                if kind.name == "unknown":
+                    useless.append((path, f"{path}, {kind.words}", error))
+                elif _is_deck(path, kind):
+                    raise
+                else:
+                    useless.insert(0, (path, str(error), error))
+    return read
+
+
+def _is_deck(path: Path, kind: FileKind) -> bool:
+    return path.suffix.lower() in _SUFFIXES_OF_DECKS and kind.name != "unknown"
+
+
+def _kinds(files: Sequence[Path]) -> tuple[dict[Path, FileKind], list[tuple[Path, str, ReadError]]]:
+    """Kind of every file of use by its first bytes, and files without a use, with words for a note and a refusal."""
+    kinds: dict[Path, FileKind] = {}
     useless: list[tuple[Path, str, ReadError]] = []
     # CalculiX writes lists beside its matrices, which are read with them.
     beside = {path.with_suffix(end) for path in files if path.suffix.lower() == ".sti" for end in (".dof", ".12d")}
@@ -164,17 +185,15 @@ def _kinds(
                 useless.append((path, f"{path}, {kind.words}", error))
                 continue
             kind = FileKind("unknown", kind.words, "", "mesh", kind.step)
-        if kind.geometry and not kind.matrices:
-            try:
-                read[path] = read_unmarked(path, kind)
-            except ReadError as error:
-                if kind.name == "unknown":
-                    useless.append((path, f"{path}, {kind.words}", error))
-                else:
-                    useless.insert(0, (path, str(error), error))
-                continue
         kinds[path] = kind
-    return kinds, read, useless
+    # A deck says more than a result or a mesh of its name, which is not read.
+    decks = {path.with_suffix(""): path for path, kind in kinds.items() if kind.geometry and _is_deck(path, kind)}
+    for path, kind in [*kinds.items()]:
+        deck = decks.get(path.with_suffix(""))
+        if deck is not None and kind.geometry and not kind.matrices and not _is_deck(path, kind):
+            useless.append((path, f"{path}, {kind.words}", ReadError(f"{path}: {deck} counts in its place")))
+            del kinds[path]
+    return kinds, useless
 
 
 def _has_list(path: Path, rows: Path) -> bool:

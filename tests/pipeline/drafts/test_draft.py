@@ -16,8 +16,8 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import DofTable, FEModel
-from cmsreduce.pipeline.drafts import draft_body, draft_pipeline
-from cmsreduce.read import read_matrix
+from cmsreduce.pipeline.drafts import body_files, draft_body, draft_pipeline
+from cmsreduce.read import read_matrix, read_unmarked
 from tests.frames import frame, line
 from tests.pipeline.study import system_frequencies, write_body, write_study
 
@@ -245,7 +245,7 @@ def test_logs_and_results_beside_a_deck_are_left_out(arm: Path) -> None:
     for words in (
         "arm.log, of no known format",
         "arm.err, an empty file",
-        "arm.frd: no node block",
+        "arm.frd, ",
         "arm.f06, a listing",
     ):
         assert f"left out: {words}" in said
@@ -263,6 +263,23 @@ def test_logs_and_results_beside_a_deck_are_left_out(arm: Path) -> None:
     (arm / "arm.frd").write_text("    1C\n    1UUSER\n 9999\n")
     code, said = typed("new", "two", "arm.op4", "arm.frd", "arm.err")
     assert code == 2 and said.startswith("error: arm.frd: no node block")
+
+
+def test_a_damaged_deck_is_no_reason_for_a_result_of_its_name(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The result was drafted in place of a deck with a typing error; beside a sound deck it is not read."""
+    node = " -1         1 0.00000E+00 0.00000E+00 0.00000E+00\n"
+    (arm / "arm.frd").write_text(f"    1C\n    2C{1:30d}{1:38d}\n{node} -3\n 9999\n")
+    read: list[Path] = []
+    monkeypatch.setattr(
+        body_files, "read_unmarked", lambda path, kind: (read.append(path), read_unmarked(path, kind))[1]
+    )
+    assert typed("new", "sound", "arm.op4", "arm.bdf", "arm.frd")[0] == 0 and read == [Path("arm.bdf")]
+    deck = (arm / "arm.bdf").read_text().splitlines()
+    at = next(k for k, line in enumerate(deck) if line.startswith("GRID"))
+    deck[at] = "GRID,1,,0.O,0.,0."
+    (arm / "arm.bdf").write_text("\n".join(deck))
+    code, said = typed("new", "broken", "arm.op4", "arm.bdf", "arm.frd")
+    assert code == 2 and said.startswith("error: arm.bdf, line") and not (arm / "broken.yaml").exists()
 
 
 @pytest.mark.parametrize("names", ["KM", "AB"])
