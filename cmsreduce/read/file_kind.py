@@ -114,7 +114,7 @@ _MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(
 _MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:(?:\*\*[^\n]*|[^\S\n]*)\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
 _SID = rb"^[^\S\n]*part[^\S\n]*\n\s*new modal\b"
 # With remarks, separated as spreadsheets do, and by name.
-_DOF = rb"\d+(?:(?:\.|[ \t]*,[ \t]*)[0-6]|[ \t.,]+(?:(?:D|U|R|T|DR|ROT)?[XYZ]|UR?[123]))"
+_DOF = rb"\d+(?:(?:\.|[ \t]*[,;][ \t]*|[ \t]+)[0-6]|[ \t.,;]+(?:(?:D|U|R|T|DR|ROT)?[XYZ]|UR?[123]))"
 _DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*N?" + _DOF + rb"\s*\n){2}"
 # Lines of two numbers or more, under names of columns or without.
 _NAMES = rb"(?:[\"A-Z_][^\n;,\t]*+[;,\t][^\n]*+\n)?"

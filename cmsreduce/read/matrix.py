@@ -166,7 +166,7 @@ def read_rows(path: Path) -> DofTable:
     try:
         return read_dof_list(path)
     except ReadError as error:
-        if not path.is_file() or (kind := file_kind(path)).name in ("dofs", "empty", "unknown"):
+        if not path.is_file() or (kind := file_kind(path)).name in ("dofs", "table", "empty", "unknown"):
             raise
         first = "name it as `geometry:`; " if kind.geometry else ""
         step = f"{first}`rows:` takes a list of node.component, one a line, or a dof set of the deck, such as `a`"

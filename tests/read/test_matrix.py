@@ -14,7 +14,7 @@ from pyyeti.nastran import op4
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
-from cmsreduce.read import FORMATS, detect_format, matrix_names, read_matrix, sha256_of
+from cmsreduce.read import FORMATS, detect_format, matrix_names, read_matrix, read_rows, sha256_of
 from cmsreduce.read.files import require_file
 from tests.read.nastran.test_op2 import op2_bytes
 from tests.read.nastran.test_op4 import op4_bytes
@@ -297,3 +297,18 @@ def test_a_signal_of_not_a_number_is_read_without_a_warning(tmp_path: Path, name
             content = path.read_bytes()
     path.write_bytes(content.replace(np.float32(1.0).tobytes(), np.uint32(0x7FA00000).tobytes(), 1))
     assert np.isnan(read_matrix(path).A.toarray()).sum() == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("1 1\n1 2\nfoo\n", "line 3: 'foo'"),
+        ("1;1\n1;2\n1;9\n", "line 3: '1;9'"),
+        ("node,dof\n1,1\n1,2\n", "line 1: 'node,dof'"),
+        ("1.5 2.5\n2.5 3.5\n", "line 1: '1.5 2.5'"),
+    ],
+)
+def test_the_line_that_is_no_row_is_named(tmp_path: Path, text: str, line: str) -> None:
+    (tmp_path / "rows").write_text(text)
+    with pytest.raises(ReadError, match=f"{line} is not a dof; write node.component"):
+        read_rows(tmp_path / "rows")

@@ -17,7 +17,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import DofTable, FEModel
 from cmsreduce.pipeline.drafts import body_files, draft_body, draft_pipeline
-from cmsreduce.read import read_matrix, read_unmarked
+from cmsreduce.read import read_geometry, read_matrix, read_unmarked
 from tests.frames import frame, line
 from tests.pipeline.study import system_frequencies, write_body, write_study
 
@@ -290,3 +290,14 @@ def test_a_broken_list_of_rows_is_named_alone(arm: Path, names: str) -> None:
     code, said = typed("new", "body", "KM.npz", "KM.rows")
     assert code == 2
     assert said.startswith("error: KM.rows, line 3: 'Q1' is not a dof")
+
+
+@pytest.mark.parametrize("separator", [" ", "\t", ";", " ; "])
+def test_lists_of_rows_may_have_blanks_and_semicolons(arm: Path, separator: str) -> None:
+    """They were called tables of numbers, and refused."""
+    K, M = (read_matrix(arm / "arm.op4", name) for name in ("KAA", "MAA"))
+    np.savez(arm / "KM.npz", K=K.A.toarray(), M=M.A.toarray())
+    dofs = next(rows for rows in read_geometry(arm / "arm.bdf").rows.values() if len(rows) == len(K.A.indptr) - 1)
+    (arm / "arm.list").write_text("".join(f"{label}\n" for label in dofs.labels).replace(".", separator))
+    code, said = typed("new", "body", "KM.npz", "arm.bdf", "arm.list")
+    assert code == 0 and "arm.list" in (arm / "body.yaml").read_text(), said
