@@ -87,7 +87,7 @@ def _bodies(name: str, kinds: Mapping[Path, FileKind], read: Mapping[Path, Geome
     matrices = {path: own for path, (own, _) in found.items()}
     command = f"cmsreduce new {name} STIFFNESS MASS DECK"
     if not any(matrices.values()):
-        reasons = [reason for _, each in found.values() for reason in each]
+        reasons = [one.words for _, each in found.values() for one in each if not one.length]
         given = ", ".join(f"{path} ({kind.words})" for path, kind in kinds.items())
         given += "".join(f" (left out: {reason})" for reason in reasons)
         raise ReadError(f"no square matrix in the files given: {given}; name the stiffness and the mass: {command}")

@@ -24,7 +24,7 @@ from cmsreduce.read import (
     read_matrix,
 )
 
-__all__ = ["Candidate", "matrices_of", "stiffness_and_mass"]
+__all__ = ["Candidate", "LeftOut", "matrices_of", "stiffness_and_mass"]
 
 _SUFFIXES = {"k": ".sti", "m": ".mas"}
 _WORDS = {"k": "stiffness", "m": "mass"}
@@ -74,6 +74,23 @@ class Candidate:
         return file or _called(self.name or stem, letter)
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """A variable that is not among the matrices of a body.
+
+    Parameters
+    ----------
+    words : str
+        The reason.
+    length : int, optional
+        Length of a vector that may be a lumped mass, 0 for another variable that is no matrix: such are of interest
+        only where a matrix is missing. None for a matrix.
+    """
+
+    words: str
+    length: int | None = None
+
+
 def _called(name: str, letter: str) -> bool:
     # A matrix in a struct of MATLAB has the name of its field.
     return name.lower().rpartition(".")[2].startswith((letter, _WORDS[letter][:4]))
@@ -81,7 +98,7 @@ def _called(name: str, letter: str) -> bool:
 
 def matrices_of(
     path: Path, rows: Path | None, geometries: Iterable[Geometry]
-) -> tuple[list[Candidate], tuple[str, ...]]:
+) -> tuple[list[Candidate], tuple[LeftOut, ...]]:
     """Square matrices of a file, with the evidence that each known table of rows gives.
 
     Parameters
@@ -96,7 +113,7 @@ def matrices_of(
     Returns
     -------
     matrices : list of Candidate
-    left_out : tuple of str
+    left_out : tuple of LeftOut
         Reasons why others, with the name of a stiffness, a mass or a damping, are not among them.
 
     Raises
@@ -106,15 +123,23 @@ def matrices_of(
     """
     named = FORMATS[file_kind(path).matrices].named
     names: list[str | None] = [None]
-    left_out: list[str] = []
+    left_out: list[LeftOut] = []
+    no_matrix: set[str] = set()
     if named:
         every = matrix_names(path, unusable=True)
         square = [info for info in every if info.rows == info.cols > 0]
         # Programs write scalars as matrices of one row.
         names = [info.name for info in square if info.rows > 1 or len(square) <= 2]
-        names += [info.name for info in every if not info.rows and any(_called(info.name, letter) for letter in "km")]
+        no_matrix = {
+            info.name for info in every if not info.rows and any(_called(info.name, letter) for letter in "km")
+        }
+        names += sorted(no_matrix)
         left_out += [
-            f"{path}: '{info.name}' is {info.rows} x {info.cols}; save a lumped mass as a diagonal matrix (numpy.diag)"
+            LeftOut(
+                f"{path}: '{info.name}' is {info.rows} x {info.cols}; save a lumped mass as a diagonal matrix "
+                "(numpy.diag)",
+                max(info.rows, info.cols),
+            )
             for info in every
             if min(info.rows, info.cols) == 1 < max(info.rows, info.cols) and _called(info.name, "m")
         ]
@@ -127,10 +152,10 @@ def matrices_of(
                 raise
             # One of several names in a file, such as a complex matrix of a response.
             if each and (each.lower() in _DAMPING_NAMES or any(_called(each, letter) for letter in "km")):
-                left_out.append(str(error))
+                left_out.append(LeftOut(str(error), 0 if each in no_matrix else None))
             continue
         if not matrix.A.shape[0]:
-            left_out.append(f"{path}: matrix '{matrix.name}' is empty")
+            left_out.append(LeftOut(f"{path}: matrix '{matrix.name}' is empty"))
         elif matrix.A.shape[0] == matrix.A.shape[1]:
             tables = [table for one in geometries for table in _translations(matrix, one)]
             shares = [quiet_share(matrix.A, T) for T in tables or _patterns(matrix)]
@@ -168,7 +193,7 @@ def stiffness_and_mass(
     geometry: Geometry | None,
     notes: tuple[str, ...],
     command: str,
-    left_out: Sequence[str] = (),
+    left_out: Sequence[LeftOut] = (),
 ) -> BodyDraft:
     """Stiffness and mass among the matrices of a body.
 
@@ -184,8 +209,8 @@ def stiffness_and_mass(
         What is known of its files already.
     command : str
         What to type where the content does not tell; it ends a message.
-    left_out : sequence of str
-        Reasons why matrices with such names are not among them.
+    left_out : sequence of LeftOut
+        Reasons why variables with such names are not among them.
 
     Raises
     ------
@@ -201,7 +226,9 @@ def stiffness_and_mass(
     if stiff and not heavy:
         # Corners of quadratic triangles have no share of a uniform load: the entries of their rows add up to zero.
         heavy = [one for one in candidates if one.quiet < QUIET and one.massive and one.moves_all_of(stiff)]
-    held = ", ".join(one.words for one in every) + "".join(f" (left out: {reason})" for reason in left_out)
+    sizes = () if heavy else {one.matrix.A.shape[0] for one in every}
+    missed = [one.words for one in left_out if not one.length or one.length in sizes]
+    held = ", ".join(one.words for one in every) + "".join(f" (left out: {reason})" for reason in missed)
     if stiff and not heavy and len(stiff) == len(candidates):
         same = _twice(stiff)
         raise ReadError(
@@ -225,7 +252,7 @@ def stiffness_and_mass(
         )
     notes = (
         *notes,
-        *(f"left out: {reason}" for reason in left_out),
+        *(f"left out: {one.words}" for one in left_out if one.length is None),
         *_rivals(K, stiff or candidates, "k"),
         *_rivals(M, heavy or candidates, "m"),
     )

@@ -206,8 +206,9 @@ def _stored(
             found = array()
         return from_array(path, name, format, found)
 
-    rows, cols = shape if len(shape) == 2 else (0, 0)
     kind = kind_of(dtype)
+    vector = kind is not None and len(shape) == 1 and shape[0] > 1
+    rows, cols = (*shape, 1)[:2] if vector or len(shape) == 2 else (0, 0)
     usable = kind is not None and len(shape) == 2
     return StoredMatrix(name, kind or str(dtype), "", (rows, cols, None), load, usable)
 

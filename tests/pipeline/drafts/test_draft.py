@@ -233,6 +233,19 @@ def test_a_lumped_mass_that_is_a_vector_is_named(arm: Path, shape: tuple[int, ..
     assert "'M' " in said and "save a lumped mass as a diagonal matrix" in said
 
 
+def test_vectors_beside_a_mass_are_no_lumped_masses(arm: Path) -> None:
+    """Numbers of modes, ids and names of nodes beside K and M gave a warning each."""
+    K, M = (read_matrix(arm / "arm.op4", name).A.toarray() for name in ("KAA", "MAA"))
+    others = {"modes": np.arange(len(K)), "mesh_ids": np.arange(5), "k": np.ones(6), "mesh_names": np.array(["a", "b"])}
+    np.savez(arm / "KM.npz", K=K, M=M, **others)
+    code, said = typed("new", "body", "KM.npz", "arm.bdf")
+    assert code == 0 and "left out" not in said
+    # Without the mass only the one that has its length may be it.
+    np.savez(arm / "K.npz", K=K, **others)
+    code, said = typed("new", "other", "K.npz", "arm.bdf")
+    assert code == 2 and "'modes' is 30 x 1; save a lumped mass" in said and "mesh_ids" not in said
+
+
 def test_logs_and_results_beside_a_deck_are_left_out(arm: Path) -> None:
     """`new arm arm.*`, as a shell writes it out, ended at the first of them."""
     (arm / "arm.log").write_text("the job is finished\n")
