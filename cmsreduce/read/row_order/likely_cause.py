@@ -34,6 +34,7 @@ _MISPLACED = 0.1
 _HALVES = 1 + 1e-6
 # Relative error of a factor between units that least squares find.
 _SAME_FACTOR = 1e-3
+_PLANE_FRAME = ". Or the third dof of each node is its rotation about z, as for plane frames: name it 6 in such a list"
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,7 @@ class Failure:
 
 def other_order(case: Failure) -> str | None:
     """Another order of the rows of a held body, if it leaves fewer than half of the nodes with force."""
-    return _order_of_appearance(case) or _component_by_component(case) or _rotations_first(case)
+    return _order_of_appearance(case) or _by_component(case)
 
 
 def shuffled_nodes(case: Failure) -> str | None:
@@ -94,8 +95,7 @@ def likely_cause(case: Failure) -> str:
         _displacements_in_basic,
         _axes_of_others,
         _order_of_appearance,
-        _component_by_component,
-        _rotations_first,
+        _by_component,
         _turns_in_a_plane,
         _other_length_unit,
         _mislabelled,
@@ -168,39 +168,38 @@ def _order_of_appearance(case: Failure) -> str | None:
     return None
 
 
-def _component_by_component(case: Failure) -> str | None:
-    """The rows have all x first, then all y: common in hand-written programs."""
+def _by_component(case: Failure) -> str | None:
+    """The rows have all x first, as in programs written by hand, or the rotations of each node, as in Kratos."""
     dofs = case.body.dofs
     for keys in (dofs.node, _rank(case)):
-        other = _reordered(dofs, np.lexsort((keys, dofs.component)))
-        if other is not None and case.explains(dofs=other):
-            return (
-                "the rows are sorted by component (all x, then all y, ...), not node by node: in that order the forces "
-                "vanish. Give the order as a list of node.component, one a line, under `rows:`"
-            )
+        for words, order in (
+            ("rows are sorted by component (all x, then all y, ...), not node by node", (keys, dofs.component)),
+            (
+                "rotations of each node stand before its translations, as Kratos sorts them",
+                (dofs.component, dofs.component <= 3, keys),
+            ),
+        ):
+            other = _reordered(dofs, np.lexsort(order))
+            if other is not None and case.explains(dofs=other):
+                return (
+                    f"the {words}: in that order the forces vanish. Give the order as a list of node.component, one a "
+                    "line, under `rows:`"
+                )
     return None
 
 
-def _rotations_first(case: Failure) -> str | None:
-    """The rows of each node begin with its rotations, as Kratos sorts them."""
+def _in_a_plane(case: Failure) -> bool:
+    """True if all nodes lie in a plane of one z and their dofs are components 1, 2 and 3."""
     dofs = case.body.dofs
-    for keys in (dofs.node, _rank(case)):
-        other = _reordered(dofs, np.lexsort((dofs.component, dofs.component <= 3, keys)))
-        if other is not None and case.explains(dofs=other):
-            return (
-                "the rotations of each node stand before its translations, as Kratos sorts them: in that order the "
-                "forces vanish. Give the order as a list of node.component, one a line, under `rows:`"
-            )
-    return None
+    return {*dofs.component.tolist()} == {1, 2, 3} and not np.ptp(case.nodes.xyz[case.nodes.index(dofs.node), 2])
 
 
 def _turns_in_a_plane(case: Failure) -> str | None:
     """The third dof of each node is a rotation, as in programs for plane frames."""
     body, nodes = case.body, case.nodes
-    component = body.dofs.component
-    if (component < 1).any() or (component > 3).any() or np.ptp(nodes.xyz[nodes.index(body.dofs.node), 2]):
+    if not _in_a_plane(case):
         return None
-    plane = DofTable(body.dofs.node, np.where(component == 3, 6, component))
+    plane = DofTable(body.dofs.node, np.where(body.dofs.component == 3, 6, body.dofs.component))
     found = rigid_residual(body.K, plane, nodes, body.constrained, body.rounding, case.condensed)
     if not found.vanishes or not found.motions.shape[1]:
         return None
@@ -341,7 +340,7 @@ def _unexplained(case: Failure) -> str:
         "the rows are shuffled or of another set than assumed, displacement frames (CD) are missing, or the body is "
         "held to the ground. Give the set or a list of node.component under `rows:`, or the deck that made the "
         "matrices as `geometry:`"
-    )
+    ) + (_PLANE_FRAME if _in_a_plane(case) else "")
 
 
 def _some(nodes: NDArray[np.int64]) -> str:

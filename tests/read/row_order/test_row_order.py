@@ -288,6 +288,10 @@ def test_a_rotation_that_is_called_z_is_named() -> None:
     assert prove_row_order(FEModel("frame", dofs=DofTable(node, np.tile([1, 2, 6], 4)), **parts)).status == "proven"
     said = refusal(FEModel("frame", dofs=DofTable(node, np.tile([1, 2, 3], 4)), **parts))
     assert "the third dof of each node is its rotation about z" in said and "such as 12.1, 12.2, 12.6" in said
+    # A clamp and a spring leave no motion without force that would prove it.
+    held = K + np.diag([1e3] * 3 + [0.0] * 7 + [5.0, 0])
+    said = refusal(FEModel("frame", dofs=DofTable(node, np.tile([1, 2, 3], 4)), **{**parts, "K": sp.csc_array(held)}))
+    assert "Or the third dof of each node is its rotation about z" in said and "name it 6" in said
 
 
 @pytest.mark.shared
