@@ -94,7 +94,7 @@ def proposed_interfaces(
         Elements by node ids; holes and faces need them.
     node_sets : mapping of str to (k,) int64, optional
         Sets of nodes of the geometry by name. They are the first place only where the user cannot know the nodes of the
-        rows: a tie of a set may stiffen the body.
+        rows, since a tie of a set may stiffen the body; or one that is no larger than a face, before this face.
     expanded : mapping of int to (tuple of int), optional
         Nodes that a node of a shell or a beam became.
     loose : frozenset of int, optional
@@ -107,8 +107,11 @@ def proposed_interfaces(
     grid = list(_first_grid(body, expanded or {}, loose))
     # A grid with rotations takes a joint as it is; a node of a solid leaves the rotations free.
     found += [*lone, *grid, *shaped] if turning and not lone else [*lone, *shaped, *grid]
-    first = 0 if expanded else 1
-    found[first:first] = sets
+    # Which face a joint is on is a guess; who named a few nodes has said where.
+    face = found[0] if found and found[0].name.startswith("face_") else None
+    small = [each for each in sets if face and each.tied and len(each.nodes) <= len(face.nodes)]
+    first = 0 if expanded or small else 1
+    found[first:first] = small + [each for each in sets if each not in small]
     return sorted(found, key=lambda place: bool(loose & {*place.nodes}))[:_MOST_PLACES]
 
 
@@ -186,16 +189,13 @@ def _lone_nodes(body: FEModel, cells: Mapping[str, Ids]) -> Iterator[Place]:
         six = []
     mass = body.M.diagonal()
     held = np.unique(np.concatenate([each.ravel() for each in cells.values()])) if cells else np.empty(0, np.int64)
-    for node in six:
-        yield Place(
-            f"node_{node}", f"{{node: {node}}}", (node,), f"lone node with six dofs, at {position(body, [node])}"
-        )
+    lone = [(node, "six dofs") for node in six]
     for node, parts in components.items() if held.size else ():
         rows = body.dofs.rows(np.array([node] * len(parts)), np.array(sorted(parts)))
         if node not in six and len(parts) == _SIX and node not in held and mass[rows].min() > 0:
-            yield Place(
-                f"node_{node}", f"{{node: {node}}}", (node,), f"lone node with mass, at {position(body, [node])}"
-            )
+            lone.append((node, "mass"))
+    for node, what in lone:
+        yield Place(f"node_{node}", f"{{node: {node}}}", (node,), f"lone node with {what}, at {position(body, [node])}")
 
 
 def _shaped(body: FEModel, cells: Mapping[str, Ids]) -> Iterator[Place]:

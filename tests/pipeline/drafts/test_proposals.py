@@ -45,6 +45,17 @@ def test_a_set_in_line_is_no_tie() -> None:
     assert "FACE" in names and not {"EDGE", "ELSEWHERE"} & set(names)
 
 
+def test_a_small_set_is_the_mount_before_a_face() -> None:
+    """The first flat face was the mount, also where the deck names nodes of its own for it."""
+    body = block("body", (0.1, 0.06, 0.1), (1, 1, 1))
+    sets = {"TIP": np.array([8]), "MOUNT": np.array([1, 4, 6]), "PLATE": np.array([1, 3, 5])}
+    names = [place.name for place in proposed_interfaces(body, BRICK, sets)]
+    assert names[:3] == ["MOUNT", "PLATE", "TIP"] and names[3].startswith("face_")
+    # One node holds no solid.
+    names = [place.name for place in proposed_interfaces(body, BRICK, {"TIP": sets["TIP"]})]
+    assert names[0].startswith("face_") and names[1] == "TIP"
+
+
 def test_a_face_with_rows_along_one_edge_is_no_tie() -> None:
     body = block("body", (0.1, 0.06, 0.1), (2, 1, 1))
     assert body.nodes is not None
