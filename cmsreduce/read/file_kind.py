@@ -246,7 +246,7 @@ def file_kind(path: Path) -> FileKind:
     for mark in _MARKS:
         if mark.detect(head[:_START]) and not (mark.name == "table" and path.suffix.lower() in _MESHES_OF_NUMBERS):
             return FileKind(mark.name, mark.words, "", mark.geometry, mark.step.format(path=path))
-    start = head[:24].decode("ascii", "backslashreplace")
+    start = head.lstrip()[:24].decode("ascii", "backslashreplace")
     words = f"of no known format; it starts with {' '.join(start.split())!r}"
     return FileKind("unknown", words, step=f"If it holds matrices: {_SAVE.format()}")
 

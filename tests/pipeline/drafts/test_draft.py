@@ -248,7 +248,7 @@ def test_vectors_beside_a_mass_are_no_lumped_masses(arm: Path) -> None:
 
 def test_logs_and_results_beside_a_deck_are_left_out(arm: Path) -> None:
     """`new arm arm.*`, as a shell writes it out, ended at the first of them."""
-    (arm / "arm.log").write_text("the job is finished\n")
+    (arm / "arm.log").write_text(f"\n{'':30}the job is finished\n")
     (arm / "arm.err").write_text("")
     (arm / "arm.frd").write_text("    1C\n    1UUSER\n 9999\n")
     (arm / "arm.f06").write_text("1\n0   N A S T R A N   executive control echo\n")
@@ -256,9 +256,9 @@ def test_logs_and_results_beside_a_deck_are_left_out(arm: Path) -> None:
     code, said = typed("new", "body", *every)
     assert code == 0
     for words in (
-        "arm.log, of no known format",
+        "arm.log, of no known format; it starts with 'the job is finished'",
         "arm.err, an empty file",
-        "arm.frd, ",
+        "arm.frd, CalculiX .frd",
         "arm.f06, a listing",
     ):
         assert f"left out: {words}" in said
