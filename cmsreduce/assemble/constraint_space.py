@@ -37,8 +37,9 @@ _TILE = 128
 # Coordinates with mass whose part in the constraints is below this share of the others' move by rounding alone: a mass
 # so small would have ten million times the frequency of the others' stiffness.
 _NO_SHARE = 1e-7
-# Scales of coordinates that differ by less need no balance: the least mass then keeps eight digits beside the others.
-_ALIKE = 1e4
+# Scales of coordinates that differ by less need no balance: the least mass then keeps eight digits beside the others,
+# or thirteen where coordinates are motions of whole bodies. Those of nodes belong to motions of many of them.
+_ALIKE, _WHOLE_ALIKE = 1e4, 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +178,11 @@ def coordinate_scale(substructures: Sequence[Substructure], A: sp.csr_array) -> 
         if sub.interfaces:
             largest = max(largest, float(scales[-1].max(where=np.isfinite(scales[-1]), initial=0.0)))
     scale = np.minimum(np.concatenate(scales), largest or 1.0)
-    follows = np.repeat([not sub.interfaces for sub in substructures], [sub.m for sub in substructures])
-    of_bodies = scale[~follows]
-    if of_bodies.max(initial=0.0) <= _ALIKE * of_bodies.min(initial=np.inf):
+    sizes = [sub.m for sub in substructures]
+    follows = np.repeat([not sub.interfaces for sub in substructures], sizes)
+    whole = np.repeat([sub.omega is not None or sub.rigid.shape[1] == sub.m for sub in substructures], sizes)
+    spreads = ((scale[~follows], _ALIKE), (scale[~follows & whole], _WHOLE_ALIKE))
+    if all(own.max(initial=0.0) <= alike * own.min(initial=np.inf) for own, alike in spreads):
         return None
     # Springs and inertias of joints have no interfaces. Each follows the bodies that move it, whatever mass it has: its
     # scale is such that the largest of them moves it by one.

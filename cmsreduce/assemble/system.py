@@ -272,6 +272,9 @@ def assemble(
                 "of a rod without inertia in a free hinge: lock it in its joint, or give the body its inertia"
             )
         rigid = rigid @ (V / np.sqrt(weight))
+        # Beside motions of unit mass, the least of unlike masses has all its digits.
+        weight, V = la.eigh(rigid.T @ (M @ rigid))
+        rigid = rigid @ (V / np.sqrt(weight))
     B, C1, C2 = (dense(stack.spread(rows) @ T) for rows in (wiring.B, wiring.C1, wiring.C2))
     return System(
         configuration=configuration,

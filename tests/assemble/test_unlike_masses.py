@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from cmsreduce.assemble import (
     PointStack,
     assemble,
+    rigid_response,
     rigid_substructure,
     system_modes,
     wire,
@@ -19,7 +20,7 @@ from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.mechanics import Tie, tie_nodes
 from cmsreduce.model import Configuration, JointElement, Point, Scene, rigid_body_shapes
 from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body
-from tests.frames import frame, line
+from tests.frames import frame, line, rotation
 
 ELBOW = [1.0, 0.4, 0.0]
 STATOR = frame("stator", [[0, 0, 0], [0.5, 0.3, 0.1], ELBOW], [(1, 2), (2, 3)], {"root": 1, "elbow": 3})
@@ -79,6 +80,30 @@ def test_a_spring_between_heavy_bodies_counts_beside_a_light_one(light, inertia)
     subs = with_joint_bodies({body.name: rigid_substructure(body) for body in bodies}, scene)
     w, _ = system_modes(assemble(subs, scene, Configuration("now", {})), 1e9)
     np.testing.assert_allclose(w**2, [5.0, k * (1 / m1 + 1 / m2)], rtol=1e-11)
+
+
+@pytest.mark.parametrize("light", [1e-3, 1e-5, 1e-7, 1e-11])
+def test_a_light_rotor_turns_free_of_the_rounding_of_its_platform(light):
+    """On an axis through both centres of mass a torque turns the hinge by -(1/J1 + 1/J2) / w^2, along skew axes too."""
+    Q = rotation([0.3, -0.7, 0.5], 0.9)
+    bodies = [
+        rigid_body(name, mass, Q @ centre, Q @ np.diag(inertia) @ Q.T, {"p": Q @ [0.3, 0.2, 0.8]}, Q.T)
+        for name, mass, centre, inertia in (
+            ("platform", 1e3, [0.3, 0.2, 0.1], [300.0, 400.0, 500.0]),
+            ("rotor", 1.0, [0.3, 0.2, 0.9], [2 * light, 2 * light, light]),
+        )
+    ]
+    motor = (in_joint("spin", "rz"),)
+    scene = Scene(
+        ("platform", "rotor"),
+        (0.0, 1.0),
+        (joint("spin", "platform.p", "rotor.p", "rz"),),
+        actuators=motor,
+        sensors=motor,
+    )
+    subs = {body.name: rigid_substructure(body) for body in bodies}
+    H = rigid_response(assemble(subs, scene, Configuration("now", {})), np.array([1.0]))
+    np.testing.assert_allclose(H.ravel(), -(1 / light + 1 / 500.0), rtol=1e-13)
 
 
 def test_rotations_of_a_body_of_micrometres_keep_their_digits():
