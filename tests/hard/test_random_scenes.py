@@ -12,6 +12,9 @@ import pytest
 from tests.hard.random_scenes.compared import faults
 
 SCENES, GROUP = 200, 10
+# Light bodies beside heavy ones; pairs of one frequency with a table of ratios; channels at the ground and across free
+# bodies, which move by rounding; loops whose constraints are nearly dependent.
+FOUND = (700803, 700809, 700992, 702024, 702526, 702592, 710441, 710472, 710686)
 
 
 @pytest.mark.parametrize("first", range(0, SCENES, GROUP))
@@ -22,3 +25,8 @@ def test_random_scenes(first: int, tmp_path: Path) -> None:
         folder.mkdir()
         found += faults(seed, folder)
     assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("seed", FOUND)
+def test_scenes_that_deviated(seed: int, tmp_path: Path) -> None:
+    assert not faults(seed, tmp_path)

@@ -24,7 +24,10 @@ def kernel(A: np.ndarray) -> np.ndarray:
     if not A.shape[0]:
         return np.eye(A.shape[1])
     _, s, Vt = la.svd(A)
-    return Vt[int(np.count_nonzero(s > _ZERO * s[0])) :].T
+    N = Vt[int(np.count_nonzero(s > _ZERO * s[0])) :].T
+    # Unit vectors have this rounding: a smaller weight belongs to a coordinate that is held.
+    N[abs(N) < len(N) * np.finfo(float).eps] = 0.0
+    return N
 
 
 def cross(p: np.ndarray) -> np.ndarray:
@@ -284,6 +287,9 @@ def dense_system(scene: RandomScene, bodies: dict[str, DenseBody]) -> DenseSyste
     channels = [np.array([channel(one) for one in group]) for group in (scene.actuators, scene.sensors)]
     B, C = (rows @ T for rows in channels)
     terms = (abs(channels[0]) @ abs(T), abs(channels[1]) @ abs(T))
+    for each, sums in zip((B, C), terms, strict=True):
+        # A row that is the rounding of its sums is a motion that joints and ground lock.
+        each[np.linalg.norm(each, axis=1) <= total * np.finfo(float).eps * np.linalg.norm(sums, axis=1)] = 0.0
     rate = np.array([one["rate"] for one in scene.sensors])
     return DenseSystem(K, M, D + drag, loss, np.eye(len(K))[:, :first], B.T, C, rate, terms)
 
