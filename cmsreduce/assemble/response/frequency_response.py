@@ -103,7 +103,12 @@ def couple(
     joined = [JoinedRows.of(wiring, stack) for wiring in wirings]
     found = [np.empty(0, dtype=np.complex128)] * len(joined)
     rest: list[int] = []
+    coordinates = sum(sub.m for sub in stack.substructures.values())
     for k, (each, grid) in enumerate(zip(joined, grids, strict=True)):
+        if each.c == coordinates:
+            # Nothing can move; where constraints are nearly dependent, joint forces leave rounding.
+            found[k] = np.zeros((grid.size, each.outputs, each.shape[1] - each.c), dtype=np.complex128)
+            continue
         smooth = residual_flexibility(stack, each, grid)
         if smooth is not None:
             try:
