@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError, SceneError
 from cmsreduce.model.damping import Damping
-from cmsreduce.model.dofs import SCALAR, DofTable, Nodes
+from cmsreduce.model.dofs import SCALAR, DofTable, Nodes, rigid_body_shapes
 from cmsreduce.model.integrals import SecondOrder
 from cmsreduce.model.parameters import ParameterTerm, Values, varied
 from cmsreduce.model.rounding import DOUBLE
@@ -281,6 +281,13 @@ class FEModel:
     def spare_nodes(self) -> bool:
         """True if its nodes without rows are so few that they may be spare ones, such as those that orient bars."""
         return self.nodes_without_rows.size <= _SPARE * np.unique(self.dofs.node).size
+
+    @cached_property
+    def rigid_shapes(self) -> NDArray[np.float64]:
+        """Displacements (n, 6) under unit rigid motions, about the mean of the nodes; not to be changed in place."""
+        if self.nodes is None:
+            raise DofMapError(f"body '{self.name}' has no geometry, which shows its rigid motions")
+        return rigid_body_shapes(self.dofs, self.nodes, self.nodes.xyz.mean(axis=0))
 
     @cached_property
     def recovery(self) -> Recovery:

@@ -105,7 +105,7 @@ def read_parameter_matrix(
             f"another order than those of the stiffness, or in other units; {_exception(letter)}"
         )
     scale = float(np.asarray(abs(A).sum(axis=1)).max(initial=0.0))
-    rigid = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    rigid = body.rigid_shapes
     turned = abs(A @ rigid[:, 3:]).max(initial=0.0) / (scale * max(float(abs(rigid[:, 3:]).max(initial=0.0)), 1e-300))
     if turned > limit:
         # A stress may resist rotation, and acts between nodes that the stiffness couples; a spring or damper between
@@ -128,7 +128,7 @@ def _turns_as_loads_do(A: sp.csc_array, body: FEModel, limit: float) -> bool:
     axes in another order give other forces.
     """
     assert body.nodes is not None
-    rigid = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    rigid = body.rigid_shapes
     force = np.asarray(A @ rigid[:, 3:])
     moving = np.flatnonzero((body.dofs.component > 0) & (body.dofs.component <= _TRANSLATIONS))
     ids, of = np.unique(body.dofs.node[moving], return_inverse=True)

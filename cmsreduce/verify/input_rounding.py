@@ -19,7 +19,6 @@ from cmsreduce.model import (
     Proof,
     cross_matrix,
     entry_errors,
-    rigid_body_shapes,
 )
 from cmsreduce.verify.mass_properties import rigid_mass_properties
 
@@ -148,7 +147,7 @@ def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
     """
     body, columns = component.body, np.arange(component.omega.size)[component.elastic]
     assert body.nodes is not None
-    R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    R = body.rigid_shapes.copy()
     momentum, rigid = body.M @ R, np.asarray(component.Phi[:, : component.rigid_count])
     # From the mean of the nodes, which may be far from the origin, to the centre of mass.
     to_centre = cross_matrix(rigid_mass_properties(R.T @ momentum).cg)

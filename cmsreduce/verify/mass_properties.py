@@ -123,7 +123,7 @@ def free_mass(body: FEModel) -> FreeMass:
     """Mass that moves with rigid motions of a body with geometry."""
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass matrix cannot be compared with a rigid one")
-    R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    R = body.rigid_shapes
     size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
     along = _moving_directions(body, body.nodes)
     condensed = not body.spare_nodes or bool((body.dofs.component == SCALAR).any())

@@ -35,6 +35,8 @@ _SUPPORTED = 1e-2
 class Geometric(NamedTuple):
     """Rigid-body shapes of the geometry that K does not resist (n, r), the others, and shares of energy: rounding.
 
+    ``energy`` of the others is relative to that of a dof of mean stiffness in their motion.
+
     If K resists all of them, the shares are those of the rows away from the ground, which resist none; there are none
     if it holds most rows.
 
@@ -63,15 +65,16 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
     force = symmetric_product(K)(Q)
     _, s, vt = svd(force, full_matrices=False)
     shapes, force = Q @ vt.T, force @ vt.T
-    energy, sizes = np.einsum("ij,ij->j", shapes, force), abs(shapes)
+    energy, sizes, diagonal = np.einsum("ij,ij->j", shapes, force), abs(shapes), K.diagonal()
     # The 1-norm of K is the largest force if every dof moves by one and nothing cancels.
     parts = absolute_product(K)(np.hstack([sizes, np.ones((K.shape[0], 1))]))
     unforced = s <= _RIGID_FACTOR * max(rounding, DOUBLE) * parts[:, -1].max()
     share = _share(energy, np.einsum("ij,ij->j", sizes, parts[:, :-1]))
     # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
     limit = max(LEFT_BY_FILE * rounding, CONDENSATION)
-    own, error = np.sqrt(abs(K.diagonal())), max(rounding, DOUBLE)
+    own, error = np.sqrt(abs(diagonal)), max(rounding, DOUBLE)
     rigid = unforced & is_rounding(share, limit) & ~_supported(force, parts[:, :-1], own, LEFT_BY_FILE * error)
+    relative = _share(energy, diagonal @ shapes**2 / K.shape[0])
     if not rigid.any():
         away = (abs(force) <= LEFT_BY_FILE * error * parts[:, :-1]).all(axis=1)
         if away.mean() < _MOST_ROWS:
@@ -79,7 +82,7 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
         else:
             terms = sizes[away] * parts[away, :-1]
             share = _share(np.einsum("ij,ij->j", shapes[away], force[away]), terms.sum(axis=0))
-        return Geometric(shapes[:, rigid], share, shapes, energy, False, rigid)
+        return Geometric(shapes[:, rigid], share, shapes, relative, False, rigid)
     scale = own[:, None] * (own[:, None] * sizes[:, rigid]).max(axis=0, initial=0.0)
     explained = 2 * PRINTED * error * parts[:, :-1][:, rigid] + max(ARITHMETIC, error) * scale
     coarse = bool((abs(force[:, rigid]) > explained).any())
@@ -87,7 +90,7 @@ def geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Geom
     shown = rigid | is_rounding(share, LEFT_BY_FILE * rounding)
     loud, moved = (abs(force) > LEFT_BY_FILE * error * parts[:, :-1])[:, ~rigid], (parts[:, :-1] > 0)[:, ~rigid]
     spread = loud.sum(axis=0) > _MANY_ROWS * moved.sum(axis=0)
-    return Geometric(shapes[:, rigid], share[shown], shapes[:, ~rigid], energy[~rigid], coarse, spread)
+    return Geometric(shapes[:, rigid], share[shown], shapes[:, ~rigid], relative[~rigid], coarse, spread)
 
 
 def _supported(force: Array, terms: Array, own: Array, left: float) -> NDArray[np.bool_]:

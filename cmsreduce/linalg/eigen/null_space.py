@@ -212,7 +212,7 @@ def only_motions(
     # The last pivot is the least energy of a motion that moves its dof by one; here for a typical dof, relative to its
     # diagonal entry. If it is too small, K may resist the motion only because of the digits of the coordinates.
     # What many rows resist may be rigid by K alone: its rounding adds up to more than a sound pivot at a soft dof.
-    weak = spread | (energy <= sound * (K.diagonal() @ resisted**2) / K.shape[0])
+    weak = spread | (energy <= sound)
     motions, what = np.hstack([shapes, resisted[:, weak]]), "the stiffness held against its rigid motions"
     try:
         held = HeldStiffness.of(K, motions, what, interface, sound)

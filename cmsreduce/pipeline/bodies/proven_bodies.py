@@ -17,7 +17,7 @@ from cmsreduce.config import Pipeline
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import DEPENDENT, only_motions, rigid_body_modes
 from cmsreduce.mechanics import check_connected, hold_undetermined, rows_alone
-from cmsreduce.model import ARITHMETIC, Failure, FEModel, Finding, Proof, Scene, in_units, rigid_body_shapes
+from cmsreduce.model import ARITHMETIC, Failure, FEModel, Finding, Proof, Scene, in_units
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
@@ -285,7 +285,7 @@ def _held_turning(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
 
 
 def _rigid_shapes(body: FEModel) -> NDArray[np.float64] | None:
-    return None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    return None if body.nodes is None else body.rigid_shapes
 
 
 def _shown_motions(body: FEModel) -> int:

@@ -180,7 +180,7 @@ def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | 
         fields, strain = fields @ vt[keep].T, strain @ vt[keep].T
     if not strain.shape[1]:
         return None
-    U = _affine(body.dofs, body, centre) @ fields[:6] + uniform_strains(body.dofs, body.nodes, centre) @ strain
+    U = body.rigid_shapes @ fields[:6] + uniform_strains(body.dofs, body.nodes, centre) @ strain
     U = U[:, np.abs(strain).max(axis=0) > 0]
     strain = strain[:, np.abs(strain).max(axis=0) > 0]
     energy = U.T @ symmetric_product(body.K)(U)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
-from cmsreduce.model import SCALAR, FEModel, Finding, cross_matrix, entry_errors, rigid_body_shapes
+from cmsreduce.model import SCALAR, FEModel, Finding, cross_matrix, entry_errors
 from cmsreduce.pipeline.evidence.deck_agreement import masses_move
 
 __all__ = [
@@ -81,7 +81,7 @@ def lumps(body: FEModel) -> Array | None:
 def _momentum(body: FEModel) -> tuple[NDArray[np.int64], Array]:
     """Nodes, and the momentum (N, 3, 3) of the translations of each node under unit translations of the body."""
     assert body.nodes is not None
-    R = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
+    R = body.rigid_shapes[:, :3]
     rows = np.flatnonzero((body.dofs.component > 0) & (body.dofs.component <= 3))
     ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
     of_node = sp.csr_array((np.ones(rows.size), (of, np.arange(rows.size))))
@@ -186,7 +186,7 @@ def nodes_times_deck(body: FEModel, nodal: Array) -> float | None:
 def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
     """True for nodes that K couples with no support, which resists translation and takes a part of their momentum."""
     assert body.nodes is not None
-    T = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
+    T = body.rigid_shapes[:, :3]
     force, parts = abs(symmetric_product(body.K)(T)).max(axis=1), absolute_product(body.K)(abs(T)).max(axis=1)
     loud = force > max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * parts
     if body.constrained is not None:
@@ -268,7 +268,7 @@ def moments_toward_neighbours(body: FEModel, mass: sp.csc_array) -> MomentsTowar
     moving, turning = ((component > k) & (component <= k + 3) for k in (0, 3))
     if not turning.any():
         return None
-    R = rigid_body_shapes(body.dofs, body.nodes)
+    R = body.rigid_shapes
     ids, node = np.unique(body.dofs.node, return_inverse=True)
     M = sp.coo_array(mass)
     both = moving[M.row] & moving[M.col] & (node[M.row] != node[M.col])

@@ -128,7 +128,7 @@ def _solids(elements: Elements, moving: NDArray[np.bool_]) -> tuple[list[EnergyP
         corners = nodes.xyz[faces.nodes]
         if are_curved(corners, nodes.xyz[faces.between], np.array(EDGES[faces.corners])).any():
             raise NotCountedError
-        volume = solid_volumes(corners, points=2)[0]
+        volume = solid_volumes(corners, whole=False)[0]
         G = faces.each(lambda p: isotropic(p.integer(1), materials).G)
         lame = faces.each(lambda p: lame_of(isotropic(p.integer(1), materials)))
         parts.append(solid_energy(np.concatenate([faces.nodes.ravel(), faces.between.ravel()]), volume, G, lame))

@@ -254,13 +254,14 @@ def _plate_areas(corners: Array) -> tuple[Array, Array, Array]:
     return np.asarray(area), np.asarray(moment / np.maximum(area, np.finfo(float).tiny)[:, None]), np.asarray(second)
 
 
-def solid_volumes(corners: Array, points: int = 3) -> tuple[Array, Array, Array]:
+def solid_volumes(corners: Array, *, whole: bool = True) -> tuple[Array, Array, Array]:
     """Volumes (e,), centres (e, 3) and second moments (e, 3, 3) of solids with straight edges (e, 4, 5, 6 or 8, 3).
 
     Two Gauss points each way integrate the volume and the centre of a trilinear map exactly, and the second moment of
-    a parallelepiped; three are exact for a tetrahedron and a wedge.
+    a parallelepiped; three are exact for a tetrahedron and a wedge. Where the volumes alone are asked for, not
+    ``whole``, one fewer will do.
     """
-    points = min(points, 2) if _are_parallelepipeds(corners) else points
+    points = 2 + whole - _are_parallelepipeds(corners)
     # Axes first, elements last: every step is one pass over long rows.
     x = np.ascontiguousarray(corners[:, list(_CORNERS[corners.shape[1]])].transpose(2, 1, 0))
     at, (places, weights) = np.array(_HEXAHEDRON, dtype=np.float64), np.polynomial.legendre.leggauss(points)
