@@ -264,16 +264,14 @@ def assemble(
         for letter in ("D", "loss")
     )
     rigid = space.coordinates(_rigid_motions(A, substructures, wiring.gap))
-    if rigid.shape[1]:
+    # The second time, beside motions of unit mass, the least of unlike masses has all its digits.
+    for _ in range(2 if rigid.shape[1] else 0):
         weight, V = la.eigh(rigid.T @ (M @ rigid))
         if weight[0] <= _NO_MASS * weight[-1]:
             raise MatrixError(
                 f"configuration '{configuration.name}': a motion that nothing holds carries no mass, such as the spin "
                 "of a rod without inertia in a free hinge: lock it in its joint, or give the body its inertia"
             )
-        rigid = rigid @ (V / np.sqrt(weight))
-        # Beside motions of unit mass, the least of unlike masses has all its digits.
-        weight, V = la.eigh(rigid.T @ (M @ rigid))
         rigid = rigid @ (V / np.sqrt(weight))
     B, C1, C2 = (dense(stack.spread(rows) @ T) for rows in (wiring.B, wiring.C1, wiring.C2))
     return System(

@@ -278,8 +278,8 @@ class FEModel:
         return self.nodes.id[~np.isin(self.nodes.id, known)]
 
     @property
-    def spare_nodes(self) -> bool:
-        """True if its nodes without rows are so few that they may be spare ones, such as those that orient bars."""
+    def keeps_its_nodes(self) -> bool:
+        """True if its nodes have rows or are held, but for a few that may be spare, such as those that orient bars."""
         return self.nodes_without_rows.size <= _SPARE * np.unique(self.dofs.node).size
 
     @cached_property

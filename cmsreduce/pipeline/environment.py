@@ -132,6 +132,8 @@ def _kernels() -> Iterator[EnvironmentLine]:
 def kernels_advice(kernels: Collection[str], extensions: Collection[str]) -> str:
     """Advice where OpenBLAS does not know a processor, and takes kernels with half its speed.
 
+    On an AMD EPYC of family 26, 60 + 50 modes of 307 800 dofs take 14.3 s with the others, and 18.7 s without.
+
     Parameters
     ----------
     kernels : collection of str

@@ -126,7 +126,7 @@ def free_mass(body: FEModel) -> FreeMass:
     R = body.rigid_shapes
     size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
     along = _moving_directions(body, body.nodes)
-    condensed = not body.spare_nodes or bool((body.dofs.component == SCALAR).any())
+    condensed = not body.keeps_its_nodes or bool((body.dofs.component == SCALAR).any())
     return FreeMass(along, R.T @ (body.M @ R), size, turns=along.size == R.shape[1] // 2 or not condensed)
 
 

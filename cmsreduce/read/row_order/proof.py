@@ -86,7 +86,7 @@ def is_condensed(body: FEModel) -> bool:
     inner = body.nodes_without_rows
     # A deck may hold rotations, or the motions out of a plane, of nodes that were condensed, and of spare ones.
     partly = body.constrained is not None and bool(np.isin(inner, body.constrained.node).all())
-    return not body.spare_nodes if partly else bool(inner.size)
+    return not body.keeps_its_nodes if partly else bool(inner.size)
 
 
 # A body is proven where it is read, and asked for its proof once more in a run.
