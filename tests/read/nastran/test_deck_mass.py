@@ -117,6 +117,33 @@ def test_solids_with_nodes_between_corners(tmp_path: Path, bent: float) -> None:
         assert grid_masses(path, nodes) is None
 
 
+LOADED = ("FORCE,1,2,,1.,0.,0.,1.", "GRAV,1,,9.81,0.,0.,1.")
+
+
+@pytest.mark.parametrize(
+    ("before", "load", "stressed"),
+    [
+        ((), None, False),
+        ((), LOADED[0], True),
+        ((), LOADED[1], True),
+        (("SOL 103", "CEND", "METHOD = 1"), LOADED[0], False),
+        (("SOL 103", "CEND", "SUBCASE 2", "  statsub(preload) = 1"), LOADED[0], True),
+        (("SOL 103", "CEND", "SUBCASE 2", "  STATSUB = 1"), None, True),
+    ],
+)
+@pytest.mark.parametrize("apart", [False, True])
+def test_what_is_included_is_stated_too(tmp_path: Path, before, load, stressed: bool, apart: bool) -> None:
+    cards = [MATERIAL, "PROD,7,1,.02", "CROD,1,7,1,2", *([load] if load else [])]
+    if apart:
+        (tmp_path / "model.bdf").write_text("\n".join(cards) + "\n")
+        cards = ["INCLUDE 'model.bdf'"]
+    path = tmp_path / "deck.bdf"
+    path.write_text("\n".join([*before, "BEGIN BULK", "GRID,1", *cards, "ENDDATA"]) + "\n")
+    mass, energy = deck_statement(path, NODES, np.ones(len(NODES), dtype=bool))
+    assert mass is not None and mass.mass == pytest.approx(2700 * 0.02 * 5, rel=1e-14)
+    assert energy is not None and energy.stressed is stressed
+
+
 def test_a_file_that_is_no_deck_states_none(tmp_path: Path) -> None:
     path = tmp_path / "mesh.frd"
     path.write_bytes(bytes(range(256)))

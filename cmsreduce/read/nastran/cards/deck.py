@@ -50,12 +50,15 @@ class CardFile:
         Bulk data by number of the superelement: 0 is the main part, others follow BEGIN SUPER.
     files : tuple of Path
         Every file read, the first is ``path``.
+    names : frozenset of str
+        Names of all cards in them, read or not, with the first words of lines of control.
     """
 
     path: Path
     case_control: tuple[str, ...] | None
     sections: Mapping[int, Cards]
     files: tuple[Path, ...]
+    names: frozenset[str]
 
 
 def read_cards(path: Path, names: Collection[str]) -> CardFile:
@@ -93,6 +96,7 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
         tuple(reader.case) if reader.has_case else None,
         {number: {name: CardTable(cards) for name, cards in part.items()} for number, part in reader.sections.items()},
         tuple(reader.files),
+        frozenset(reader.met),
     )
 
 
@@ -155,6 +159,7 @@ class _Reader:
         self.has_case = False
         self.sections: dict[int, dict[str, list[Card | CardBlock]]] = {}
         self.files: list[Path] = []
+        self.met: set[str] = set()
 
     def read_file(self, path: Path, text: _Text, chain: tuple[Path, ...] = ()) -> None:
         """Read the lines of a file that the files of a chain include."""
@@ -186,6 +191,7 @@ class _Reader:
     def _read_cards(self, path: Path, text: _Text, at: int) -> int:
         """Read bulk data up to the next line of control, which is returned."""
         lines, bulk, names = text.lines, text.bulk, self._names
+        self.met.update(bulk.names)
         first, last, stop = bulk.stretch(at)
         if self._waiting or bulk.refer_to_others(at, stop, names):
             first = last = stop

@@ -72,6 +72,11 @@ class BulkLines:
         self._refers, self._announced = self._references(text)
         self._control = self._control_lines(text, joined, is_control)
 
+    @property
+    def names(self) -> Collection[str]:
+        """Names of all cards."""
+        return self._number.keys()
+
     def _line_of(self, place: Ints) -> Ints:
         return np.searchsorted(self._starts, place, side="right") - 1
 

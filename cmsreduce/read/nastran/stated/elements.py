@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -55,12 +54,10 @@ _CARDS = (
     *("SPOINT", "GENEL", "PMASS", "PELAS", "PBUSH", "PBUSHT", "MATT1", "MATT2", "MATT8", *LAYERED, *UNCOUNTED),
 )
 _CONSTRAINTS = ("MPC", "RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RROD", "RTRPLT", "RSPLINE", "RSSCON", "RJOINT")
-# A listing echoes the cards behind their count. A pattern that begins with one character is searched for quickly.
-_STATED = re.compile(rb"\n(?: +\d+- {8})?(?:CONM[12]|MAT[128])\b", re.IGNORECASE)
-# A static subcase whose stress stiffens the modes; the end of a case control; loads of such a subcase.
-_STATIC = re.compile(rb"\n *STATSUB\b", re.IGNORECASE)
-_CONTROL = re.compile(rb"\n *CEND\b", re.IGNORECASE)
-_LOADS = re.compile(rb"\n(?:FORCE|MOMENT|PLOAD|TEMP|DEFORM|SPCD|GRAV|RFORCE|ACCEL)", re.IGNORECASE)
+# A deck without any of these states neither mass nor stiffness.
+_STATED = frozenset({"CONM1", "CONM2", "MAT1", "MAT2", "MAT8"})
+# Loads of a static subcase, whose stress stiffens the modes.
+_LOADS = ("FORCE", "MOMENT", "PLOAD", "TEMP", "DEFORM", "SPCD", "GRAV", "RFORCE", "ACCEL")
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,16 +162,17 @@ class Elements:
 def stated_elements(path: Path, nodes: Nodes) -> Elements | None:
     """Elements of a deck that states masses or materials; None if the file is no deck, or holds superelements."""
     try:
-        # A search of the bytes is fast, also in large decks without materials.
-        text = b"\n" + path.read_bytes()
-        if not _STATED.search(text):
-            return None
-        sections = read_cards(path, {*_CARDS, *_CONSTRAINTS, *FRAME_CARDS}).sections
+        deck = read_cards(path, {*_CARDS, *_CONSTRAINTS, *FRAME_CARDS})
     except (OSError, ReadError):
         return None
-    # Without a case control, any load may have stressed the structure.
-    prestressed = bool(_STATIC.search(text) or (not _CONTROL.search(text) and _LOADS.search(text)))
-    return Elements(sections.get(0, {}), nodes, prestressed) if len(sections) <= 1 else None
+    if not deck.names & _STATED or len(deck.sections) > 1:
+        return None
+    if deck.case_control is None:
+        # Any load may have stressed the structure.
+        prestressed = any(name.startswith(_LOADS) for name in deck.names)
+    else:
+        prestressed = any(line.startswith("STATSUB") for line in deck.case_control)
+    return Elements(deck.sections.get(0, {}), nodes, prestressed)
 
 
 def node_index(nodes: Nodes, node: int) -> int:
