@@ -227,9 +227,11 @@ def are_affine(solid: Solid, nodes: Array, tolerance: float) -> NDArray[np.bool_
     ``tolerance`` is the distance of places that are the same, relative to the size of each element.
     """
     basis = np.hstack([np.ones((len(solid.places), 1)), solid.places])
-    off = nodes - (basis @ np.linalg.pinv(basis)) @ nodes
-    size = np.ptp(nodes, axis=1).max(axis=1)
-    return np.asarray((np.linalg.norm(off, axis=2) <= tolerance * size[:, None]).all(axis=1))
+    # Elements last: every step is one pass over long rows.
+    x = np.ascontiguousarray(nodes.transpose(1, 2, 0))
+    off = x - np.tensordot(basis @ np.linalg.pinv(basis), x, 1)
+    size = np.ptp(x, axis=0).max(axis=0)
+    return np.asarray((np.einsum("kie,kie->ke", off, off) <= (tolerance * size) ** 2).all(axis=0))
 
 
 def _quadrature(solid: Solid, points: int | Rule) -> tuple[Array, Array, Array]:

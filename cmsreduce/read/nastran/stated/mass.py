@@ -206,9 +206,11 @@ def _spread(
     Those of nodes between corners (e, m, 3) differ by program: the mass of an element at its farthest node is the most
     that they change.
     """
-    mean = corners.mean(axis=1)
-    reach = np.linalg.norm(corners - mean[:, None], axis=2).max(axis=1)
-    if (np.linalg.norm(centre - mean, axis=1) > _EVEN * reach).any():
+    # Elements last: every step is one pass over long rows.
+    x = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    mean = x.mean(axis=0)
+    reach = np.sqrt(np.einsum("kie,kie->ke", x - mean, x - mean).max(axis=0))
+    if (np.linalg.norm(centre.T - mean, axis=0) > _EVEN * reach).any():
         raise NotCountedError
     mass = density * size
     spread = density[:, None, None] * second
@@ -217,7 +219,7 @@ def _spread(
         most = (mass * reach**2)[:, None, None] * np.ones((3, 3))
         return nodes, np.repeat(mass[:, None] / nodes.shape[1], nodes.shape[1], axis=1), centre, spread, most
     share = mass[:, None] * (np.full(corners.shape[:2], 1 / faces.corners) if shares is None else shares)
-    lumped = np.einsum("ek,eki,ekj->eij", share, corners, corners)
+    lumped = (share[:, :, None] * corners).transpose(0, 2, 1) @ corners
     return faces.nodes, share, centre, spread, as_inertia(lumped - spread)
 
 
