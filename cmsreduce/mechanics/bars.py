@@ -92,7 +92,7 @@ class BarStiffness:
 
     def __init__(self, body: FEModel, bars: Bars, hidden: Recovery | None = None) -> None:
         self.bars = bars
-        self._without_rows = np.zeros(0, dtype=np.int64) if hidden is None else np.unique(hidden.dofs.node)
+        self._without_rows = np.zeros(0, dtype=np.int64) if hidden is None else hidden.dofs.node_ids
         offset = _offsets(body, bars)
         assert body.nodes is not None
         places = body.nodes.xyz[body.nodes.index(bars.node.ravel())].reshape(-1, 2, 3) + offset

@@ -19,6 +19,7 @@ from cmsreduce.model import (
     ModalIntegrals,
     SecondOrder,
     cross_matrix,
+    each_once,
     mapped_in,
     rigid_body_shapes,
 )
@@ -141,7 +142,7 @@ def _second_order(
     """Integrals of the mass of one direction with the motion of another; ``turning`` is int r x phi dm (3, k)."""
     assert body.nodes is not None
     to_axes = nodal_motion(body, axes)
-    at = np.unique(body.dofs.node[body.dofs.component > 0])
+    at = each_once(body.dofs.node[body.dofs.component > 0])
     r = (body.nodes.xyz[body.nodes.index(at)] - origin) @ axes.T
     nodal = sp.csr_array(to_axes @ M @ to_axes.T)
     pairs, k = MassBlocks(nodal, at.size), shapes.shape[1]

@@ -69,7 +69,7 @@ def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) ->
         Names a node of every piece.
     """
     # Each piece would have the rigid motions of its own nodes: three of one node, five or more of others.
-    nodes, moving = np.unique(body.dofs.node).size, (body.dofs.component > 0) & (body.dofs.component <= 3)
+    nodes, moving = body.dofs.node_ids.size, (body.dofs.component > 0) & (body.dofs.component <= 3)
     if proven is not None and proven.shape[1] == _ALL_MOTIONS and nodes > 2 and moving.sum() == 3 * nodes:
         return
     empty = np.flatnonzero((_entries(body.K) == 0) & (_entries(body.M) == 0))

@@ -251,7 +251,7 @@ def _is_sound(A: sp.csc_array, still: NDArray[np.int64], rounding: float) -> boo
 
 def _single_turns(A: sp.csc_array, body: FEModel) -> tuple[NDArray[np.int64], sp.csc_array]:
     """Rotations (n, s) of single nodes that a matrix does not resist, and the row (s,) that each moves most."""
-    rows = body.dofs.rows(np.unique(body.dofs.node)[:, None], [4, 5, 6]).reshape(-1, 3)
+    rows = body.dofs.rows(body.dofs.node_ids[:, None], [4, 5, 6]).reshape(-1, 3)
     rows = rows[(rows >= 0).all(axis=1)]
     of, place = np.full(body.n, -1), np.zeros(body.n, dtype=np.int64)
     of[rows], place[rows] = np.arange(len(rows))[:, None], np.arange(3)

@@ -15,6 +15,7 @@ from cmsreduce.model.dofs import (
     Nodes,
     components_from_digits,
     cross_matrix,
+    each_once,
     rigid_body_shapes,
 )
 from cmsreduce.model.geometric_stiffness import (
@@ -170,6 +171,7 @@ __all__ = [
     "cross_matrix",
     "damping_in_units",
     "dof_index",
+    "each_once",
     "entry_errors",
     "error_of_sum",
     "hdf5_items",

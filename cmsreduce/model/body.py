@@ -280,7 +280,7 @@ class FEModel:
     @property
     def keeps_its_nodes(self) -> bool:
         """True if its nodes have rows or are held, but for a few that may be spare, such as those that orient bars."""
-        return self.nodes_without_rows.size <= _SPARE * np.unique(self.dofs.node).size
+        return self.nodes_without_rows.size <= _SPARE * self.dofs.node_ids.size
 
     @cached_property
     def rigid_shapes(self) -> NDArray[np.float64]:

@@ -12,7 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DofMapError
 
-__all__ = ["KEY_STEP", "SCALAR", "DofTable", "Nodes", "components_from_digits", "cross_matrix", "rigid_body_shapes"]
+__all__ = [
+    "KEY_STEP",
+    "SCALAR",
+    "DofTable",
+    "Nodes",
+    "components_from_digits",
+    "cross_matrix",
+    "each_once",
+    "rigid_body_shapes",
+]
 
 SCALAR = 0
 """Component number of a dof that is not the motion of a node: an SPOINT or a modal coordinate."""
@@ -51,6 +60,20 @@ def components_from_digits(digits: str | int) -> tuple[int, ...]:
     if not text or any(c not in "123456" for c in text):
         raise DofMapError(f"'{digits}' names no dofs: use digits 1 to 6, such as 123 or 123456")
     return tuple(sorted({int(c) for c in text}))
+
+
+def each_once(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Some whole numbers (n,) in ascending order, each once.
+
+    ``np.unique`` goes through a hash table, which takes a hundred times as long where the numbers are in order already.
+
+    Examples
+    --------
+    >>> each_once(np.array([7, 3, 7, 1])).tolist()
+    [1, 3, 7]
+    """
+    found = np.sort(numbers, kind="stable")
+    return np.asarray(found[np.concatenate([[True], found[1:] != found[:-1]])[: found.size]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +135,11 @@ class DofTable:
     def keys(self) -> NDArray[np.int64]:
         """One number for each dof (n,), see ``KEY_STEP``."""
         return self.node * KEY_STEP + self.component
+
+    @cached_property
+    def node_ids(self) -> NDArray[np.int64]:
+        """Ids of the nodes (k,) in ascending order, each once."""
+        return each_once(self.node)
 
     @cached_property
     def _sorted(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -161,7 +161,7 @@ def _model_file(kind: FileKind, path: Path) -> Inspected:
         return Inspected(*inspected_body(kind, path))
     if kind.name == "dofs":
         dofs = read_rows(path)
-        words = f"a list of {len(dofs)} dofs of {np.unique(dofs.node).size} nodes: {kind.step}"
+        words = f"a list of {len(dofs)} dofs of {dofs.node_ids.size} nodes: {kind.step}"
         return Inspected([InspectedLine(words)], {"kind": "rows", "dofs": len(dofs)})
     if not kind.matrices:
         return _geometry(read_unmarked(path, kind))

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.model import Nodes
+from cmsreduce.model import Nodes, each_once
 
 __all__ = [
     "SAME_PLACE",
@@ -258,7 +258,7 @@ def sum_of_energies(parts: Sequence[EnergyPart], uncounted: Sequence[str]) -> St
 
 def _places(parts: Sequence[EnergyPart]) -> NDArray[np.int64]:
     """Positions of the nodes of some parts."""
-    return np.unique(np.concatenate([np.empty(0, np.int64), *(np.ravel(part[0]) for part in parts)]))
+    return each_once(np.concatenate([np.empty(0, np.int64), *(np.ravel(part[0]) for part in parts)]))
 
 
 def solid_energy(places: NDArray[np.int64], volume: Array, G: Array, lame: Array) -> EnergyPart:

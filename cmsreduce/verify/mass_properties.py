@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import SCALAR, FEModel, Nodes, cross_matrix, rigid_body_shapes
+from cmsreduce.model import SCALAR, FEModel, Nodes, cross_matrix, each_once, rigid_body_shapes
 
 __all__ = [
     "FreeMass",
@@ -132,7 +132,7 @@ def free_mass(body: FEModel) -> FreeMass:
 
 def _moving_directions(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
     """Directions of `FreeMass`. An average tie takes single translations of its nodes, which follow the others."""
-    heavy = np.unique(body.dofs.node[body.M.diagonal() > 0])
+    heavy = each_once(body.dofs.node[body.M.diagonal() > 0])
     dofs = body.recovery.dofs
     moving = (dofs.component > 0) & (dofs.component <= 3)
     rows = np.flatnonzero(moving & np.isin(dofs.node, heavy))

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
-from cmsreduce.model import FEModel, Finding
+from cmsreduce.model import FEModel, Finding, each_once
 from cmsreduce.pipeline.evidence.deck_agreement import (
     BLIND,
     EXACT,
@@ -118,7 +118,7 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes, free: bool = False) -
         words = ratio_in_words(float(low[first]), float(high[first])) if known_ratio else "forces that the deck has not"
         note = f"at node {named}; at the first {words}"
     check = Finding("stiffness of each node against the deck", float(off[order[0]]), EXACT, note)
-    return NodesAgainstDeck(check, np.unique(at).size, np.unique(body.dofs.node[rows]).size, bending)
+    return NodesAgainstDeck(check, each_once(at).size, each_once(body.dofs.node[rows]).size, bending)
 
 
 def _whole(body: FEModel, stated: StatedNodes) -> Flags:

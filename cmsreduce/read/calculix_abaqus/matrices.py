@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
-from cmsreduce.model import KEY_STEP, DofTable
+from cmsreduce.model import KEY_STEP, DofTable, each_once
 from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
 from cmsreduce.read.files import is_text, read_lines, read_text
 from cmsreduce.read.formats import COMPONENTS, MatrixFormat, StoredMatrix
@@ -206,7 +206,7 @@ def read_dof_list(path: Path) -> DofTable:
     if not len(node):
         raise ReadError(f"{path}: the dof list is empty; it needs one node.component for each row of the matrix")
     nodes, components = np.array(node, dtype=np.int64), np.array(component, dtype=np.int64)
-    repeated = np.unique(nodes * KEY_STEP + components).size < nodes.size
+    repeated = each_once(nodes * KEY_STEP + components).size < nodes.size
     # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
     expansion = expansion_beside(path) if repeated else None
     if expansion is not None:

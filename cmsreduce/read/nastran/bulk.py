@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, DofTable, Nodes
 from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, rows_of_nodes
-from cmsreduce.read.nastran.cards import INTEGER, Card, CardFile, Cards, CardTable, read_cards
+from cmsreduce.read.nastran.cards import INTEGER, Card, CardFile, Cards, CardTable, read_cards, texts_kept
 from cmsreduce.read.nastran.dof_sets import (
     SET_CARDS,
     Points,
@@ -247,6 +247,7 @@ def _section(found: CardFile, superelement: int | None) -> Cards:
     return found.sections[superelement]
 
 
+@texts_kept()
 def _deck_geometry(path: Path) -> Geometry:
     """Geometry of a deck; of the sets that a matrix may have, the analysis set is first, as programs write it.
 
@@ -261,11 +262,11 @@ def _deck_geometry(path: Path) -> Geometry:
     sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
     stiff = None if of_q else stiffened_dofs(path, Points(np.sort(deck.nodes.id), deck.spoints), deck.nodes)
     if stiff is not None and "a" in rows:
-        kept = np.intersect1d(deck.analysis, stiff[0], assume_unique=True)
+        kept = keys_without(deck.analysis, keys_without(deck.analysis, stiff[0]))
         # By PARAM,K6ROT plates resist rotation about their normal, or do not.
         rows |= {
             "autospc": DofTable.from_keys(kept),
-            "autospc-flat": DofTable.from_keys(np.setdiff1d(kept, stiff[1].held.keys)),
+            "autospc-flat": DofTable.from_keys(keys_without(kept, np.sort(stiff[1].held.keys))),
         }
     if "q" in sets and "b" in sets and len(sets["b"]) + len(sets["q"]) < len(rows["a"]):
         # Components of the grids of a q-set that stand for no mode may be in the c-set.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import KEY_STEP, SCALAR
+from cmsreduce.model import KEY_STEP, SCALAR, each_once
 from cmsreduce.read.nastran.cards import Card, Cards
 from cmsreduce.read.printed_numbers import real_number
 
@@ -202,9 +202,7 @@ def drop_trailing_reals(card: Card) -> int:
 
 def joined_keys(parts: Sequence[Keys]) -> Keys:
     """All keys of several lists, sorted, each once."""
-    # np.unique goes through a hash table, which takes ten times as long as to sort a million keys.
-    keys = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *parts]))
-    return np.asarray(keys[np.concatenate([[True], keys[1:] != keys[:-1]])[: keys.size]])
+    return each_once(np.concatenate([np.zeros(0, dtype=np.int64), *parts]))
 
 
 def keys_without(keys: Keys, others: Keys) -> Keys:

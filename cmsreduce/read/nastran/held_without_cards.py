@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import KEY_STEP, SCALAR, DofTable, Nodes
+from cmsreduce.model import KEY_STEP, SCALAR, DofTable, Nodes, each_once
 from cmsreduce.read.idle_turns import IdleTurns
 from cmsreduce.read.nastran.cards import INTEGER, Card, Cards, read_cards
 from cmsreduce.read.nastran.dof_sets import Keys, Points, joined_keys
@@ -122,7 +122,7 @@ def _of_elements(cards: Cards) -> Iterator[Keys]:
     for name, (first, count, resisted) in _ELEMENTS.items():
         if (table := cards.get(name)) is not None:
             fields = range(first, max(min(first + count, table.width), first + 1))
-            grids = np.unique(np.concatenate([table.integers(k, 0) for k in fields]))
+            grids = each_once(np.concatenate([table.integers(k, 0) for k in fields]))
             yield (grids[:, None] * KEY_STEP + np.arange(1, resisted + 1)).ravel()
     for name in _SPRINGS:
         if (table := cards.get(name)) is not None:

@@ -61,7 +61,7 @@ class Failure:
     @property
     def local(self) -> bool:
         """True if forces act on a few nodes only."""
-        total = np.unique(self.body.dofs.node).size
+        total = self.body.dofs.node_ids.size
         return bool(self.loaded.size <= max(_FEW_NODES, _FEW_SHARE * total) and self.loaded.size < total)
 
     @property

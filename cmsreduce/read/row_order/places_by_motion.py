@@ -37,7 +37,7 @@ def other_labels(body: FEModel, nodes: Nodes) -> list[tuple[DofTable, str]]:
     A symmetric body has several; axes or nodes alone are first, then those that change the fewest nodes. There are
     none for a body that has not six motions, or nodes without rows along all axes.
     """
-    ids = np.unique(body.dofs.node)
+    ids = body.dofs.node_ids
     rows = body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3)
     if ids.size < _TURNS or body.n > _MOST_DOFS or (rows < 0).any():
         return []

@@ -252,7 +252,7 @@ def _stiffness_files(body: FEModel) -> str:
 
 def _not_proven(body: FEModel, nodes: NDArray[np.int64], share: NDArray[np.float64], allowed: float) -> str:
     listed = ", ".join(f"{node} ({value:.1e})" for node, value in zip(nodes[:_NAMED], share[:_NAMED], strict=True))
-    total = np.unique(body.dofs.node).size
+    total = body.dofs.node_ids.size
     return (
         f"body '{body.name}': the row order of the stiffness matrix{_stiffness_files(body)} is not proven: "
         f"rigid motion must cost no force, but {nodes.size} of {total} nodes resist; the worst are "

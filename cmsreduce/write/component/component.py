@@ -206,7 +206,7 @@ def _parameters(group: Any, component: ModalComponent, T: Row) -> None:
 
 def _chosen(body: FEModel, nodes: Sequence[int], all_nodes: bool) -> NDArray[np.int64]:
     if all_nodes:
-        return np.unique(body.recovery.dofs.node)
+        return body.recovery.dofs.node_ids
     at_faces = [face.node for face in body.interfaces.values()]
     return np.unique(np.concatenate([np.asarray(nodes, dtype=np.int64), *at_faces]))
 

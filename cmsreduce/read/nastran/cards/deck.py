@@ -102,8 +102,9 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
 
 @contextmanager
 def texts_kept() -> Iterator[None]:
-    """Keep the text of every deck while the block lasts: reading other cards of it then costs half as much."""
-    token = _KEPT.set({})
+    """Keep the text of every deck while the outermost block lasts: reading other cards of it costs half as much."""
+    kept = _KEPT.get()
+    token = _KEPT.set({} if kept is None else kept)
     try:
         yield
     finally:
