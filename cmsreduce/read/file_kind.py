@@ -16,7 +16,7 @@ from cmsreduce.read.ansys import FULL_FILE, NODE_FILE, NODE_LISTING, is_row_mapp
 from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE, SUBSTRUCTURE
 from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
 from cmsreduce.read.formats import GeometryFormat, MatrixFormat
-from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC, is_hdf5
+from cmsreduce.read.matrices import FREEFEM, HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC, is_hdf5
 from cmsreduce.read.mesh import UNIVERSAL
 from cmsreduce.read.nastran import BULK_DATA, DMIG, EXTERNAL_SUPERELEMENT, OP2, OP2_GEOMETRY, OP4
 
@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 # In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
-_TEXTS = (MATRIX_MARKET, HARWELL_BOEING, SUBSTRUCTURE, CALCULIX, ABAQUS, DMIG)
+_TEXTS = (MATRIX_MARKET, FREEFEM, HARWELL_BOEING, SUBSTRUCTURE, CALCULIX, ABAQUS, DMIG)
 FORMATS: dict[str, MatrixFormat] = {
     format.name: format for format in (OP4, OP2, MATLAB, NPZ, NPY, PETSC, FULL_FILE, *_TEXTS)
 }
@@ -151,6 +151,8 @@ _MARKS = (
         _matches(rb"^[^\S\n]*COOR_[23]D\b"),
         "write the mesh as MED (IMPR_RESU, FORMAT='MED')",
     ),
+    _Mark("mfem-mesh", "a mesh of MFEM", _matches(rb"\AMFEM\b.*\bmesh v"), "write it as VTK (PrintVTK)"),
+    _Mark("mfem", "a text of MFEM's Print", _matches(rb"\A\[row 0\]"), "write it with PrintMM"),
     _Mark(
         "f06",
         "a listing of NASTRAN (.f06)",

@@ -139,12 +139,20 @@ def canonical(row: ArrayLike, col: ArrayLike, data: ArrayLike, shape: tuple[int,
     return A
 
 
-def mirrored(A: sp.csc_array) -> sp.csc_array:
-    """Both triangles of a symmetric matrix (n, n); a matrix that stores both is returned unchanged."""
+def mirrored(A: sp.csc_array, block: int = 1) -> sp.csc_array:
+    """Both triangles of a symmetric matrix (n, n); a matrix that stores both is returned unchanged.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+    block : int
+        Rows and columns of the blocks of which one triangle is stored, those on the diagonal whole.
+    """
     if A.shape[0] != A.shape[1]:
         return A
     entries = sp.coo_array(A)
-    below, above = entries.row > entries.col, entries.row < entries.col
+    row, col = entries.row // block, entries.col // block
+    below, above = row > col, row < col
     if below.any() == above.any():
         return A
     off = below | above

@@ -20,6 +20,7 @@ from cmsreduce.cli import main
 from cmsreduce.errors import ReadError
 from cmsreduce.read import expect_kind, file_kind, matrix_names, read_geometry
 from cmsreduce.read.files import read_head
+from tests.read.matrices.test_freefem import printed
 
 K = np.array([[2.0, -1.0], [-1.0, 2.0]])
 # Harwell-Boeing by the specification: a title and a key, counts of lines, type and size, formats.
@@ -61,6 +62,9 @@ CONTENT = {
     "superelement": b"SECONCT,5,0,,NO\nEXTRN,11,246\nGRID,11,,4.,5.,6.\n",
     "frd": b"    1C\n    1UUSER\n    2C                             1                                     1\n",
     "inp": b"*HEADING\na bracket\n*NODE\n1, 0., 0., 0.\n",
+    "freefem": printed(K).encode(),
+    "mfem-mesh": b"MFEM mesh v1.0\n\n#\n# MFEM Geometry Types (see fem/geom.hpp):\n",
+    "mfem": b"[row 0]\n (1,-1.5) (0,4486419753.086419)\n[row 1]\n (0,-1.5) (1,3)\n",
     "f06": b"1\n \n      * * *  N A S T R A N  * * *\nGRID     1     0.   0.   0.\n",
     "gzip": gzip.compress(b"BEGIN BULK\nGRID,1,,0.,0.,0.\n"),
     "zip": zipped("body.bdf"),
@@ -202,9 +206,9 @@ def test_commands_say_what_they_were_given(
 def test_a_file_of_unknown_kind_may_be_a_matrix(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
 ) -> None:
-    """It was refused as a mesh alone, here one that MFEM prints."""
+    """It was refused as a mesh alone, here one row by row."""
     monkeypatch.chdir(tmp_path)
-    Path("K.txt").write_text("[row 0]\n(0,2) (1,-1)\n[row 1]\n(0,-1) (1,2)\n")
+    Path("K.txt").write_text("row 0:\n(0,2) (1,-1)\nrow 1:\n(0,-1) (1,2)\n")
     done = CliRunner().invoke(main, [*command, "K.txt"])
     assert done.exit_code == 2
     assert "no geometry in a format" in done.output and "If it holds matrices: `scipy.io.savemat(" in done.output

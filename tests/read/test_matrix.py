@@ -16,6 +16,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
 from cmsreduce.read import FORMATS, detect_format, matrix_names, read_matrix, read_rows, sha256_of
 from cmsreduce.read.files import require_file
+from tests.read.matrices.test_freefem import printed
 from tests.read.nastran.test_op2 import op2_bytes
 from tests.read.nastran.test_op4 import op4_bytes
 
@@ -51,6 +52,8 @@ def write(path: Path, format: str) -> None:
         case "matrix-market":
             with path.open("wb") as file:
                 scipy.io.mmwrite(file, sp.coo_array(K))
+        case "freefem":
+            path.write_text(printed(K))
         case "harwell-boeing":
             scipy.io.hb_write(path, sp.csc_array(K))
         case "petsc":

@@ -1,9 +1,10 @@
-"""Matrix files that belong to no finite-element program: Matrix Market, Harwell-Boeing, PETSc, numpy, MATLAB.
+"""Matrix files without dofs of their rows: Matrix Market, Harwell-Boeing, PETSc, FreeFEM, numpy, MATLAB.
 
 Readers that return labelled matrices belong here.
 The choice of a reader by content belongs in `read.matrix`.
 """
 
+from cmsreduce.read.matrices.freefem import FREEFEM
 from cmsreduce.read.matrices.harwell_boeing import HARWELL_BOEING
 from cmsreduce.read.matrices.matlab import MATLAB, is_hdf5
 from cmsreduce.read.matrices.matrix_market import COORDINATE, LABELLED, MATRIX_MARKET, read_entries
@@ -12,6 +13,7 @@ from cmsreduce.read.matrices.petsc_binary import PETSC
 
 __all__ = [
     "COORDINATE",
+    "FREEFEM",
     "HARWELL_BOEING",
     "LABELLED",
     "MATLAB",

@@ -1,7 +1,8 @@
 """Sparse matrices in the binary files of PETSc (MatView), which have no names and may follow one another.
 
 A matrix is big-endian: the number 1211216, rows, columns and entries as integers; the entries of each row, their
-columns and their values. Source: PETSc manual, MatLoad. Of the builds of PETSc, those with integers of four or eight
+columns and their values. Of a symmetric matrix (SBAIJ) the upper triangle of blocks is there, and nothing says so.
+Source: PETSc manual, MatLoad. Of the builds of PETSc, those with integers of four or eight
 bytes and real numbers of double precision are read.
 """
 
@@ -12,16 +13,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
-from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size
+from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size, mirrored
 
 __all__ = ["PETSC"]
 
 _MATRIX, _DENSE = 1211216, -1
 _DOUBLE = 8
+_LARGEST_BLOCK = 6  # dofs of a node
 
 
 class _Place(NamedTuple):
@@ -98,7 +101,13 @@ def _load(path: Path, name: str, place: _Place) -> LabelledMatrix:
     if outside or (counts < 0).any() or counts.sum() != place.entries:
         raise ReadError(f"{path}: matrix '{name}' contradicts itself; the file is damaged, write or copy it again")
     A = canonical(np.repeat(np.arange(place.rows), counts), col, values, (place.rows, place.cols))
-    return LabelledMatrix(A, name, path, PETSC.name)
+    return LabelledMatrix(_whole(A), name, path, PETSC.name)
+
+
+def _whole(A: sp.csc_array) -> sp.csc_array:
+    """Both triangles of a matrix that has no blocks of one size on one side of the diagonal, as those of SBAIJ."""
+    sizes = [size for size in range(1, _LARGEST_BLOCK + 1) if A.shape[0] % size == 0]
+    return next((both for size in sizes if (both := mirrored(A, size)) is not A), A)
 
 
 PETSC = MatrixFormat("petsc", "PETSc binary", lambda path, head: _integer(head) is not None, _matrices)

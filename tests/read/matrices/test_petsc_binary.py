@@ -26,6 +26,14 @@ for i, j, v in ((0, 0, 2.0), (0, 1, -1 / 3), (1, 0, -1 / 3), (1, 1, 4e6)):
     A.setValue(i, j, v)
 A.assemble()
 A.view(PETSc.Viewer().createBinary(sys.argv[1], "w"))
+for size in (1, 3):
+    A = PETSc.Mat().createSBAIJ([6, 6], bsize=size, nnz=6)
+    A.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
+    for i in range(6):
+        for j in range(6):
+            A.setValue(i, j, 1 / (i + j + 1))
+    A.assemble()
+    A.view(PETSc.Viewer().createBinary(f"{sys.argv[1]}.{size}", "w"))
 """
 
 
@@ -45,6 +53,15 @@ def test_one_matrix(tmp_path: Path, A: np.ndarray, integer: str) -> None:
     assert [(one.name, one.rows, one.cols, one.nnz) for one in matrix_names(path)] == [
         ("K", *A.shape, np.count_nonzero(A))
     ]
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_the_upper_triangle_of_blocks_of_a_symmetric_matrix(tmp_path: Path, size: int) -> None:
+    A = np.array(1.0 / (np.arange(12)[:, None] + np.arange(12) + 1.0))
+    row, col = np.indices(A.shape) // size
+    path = tmp_path / "K.dat"
+    path.write_bytes(content(np.where(row <= col, A, 0.0)))
+    assert np.array_equal(read_matrix(path).A.toarray(), A)
 
 
 def test_two_matrices(tmp_path: Path) -> None:
@@ -80,3 +97,6 @@ def test_written_by_petsc(tmp_path: Path) -> None:
         [SYSTEM_PYTHON, "-c", WRITE, path, Path(mumps_ranks.__file__).parent], capture_output=True, check=True
     )
     assert np.array_equal(read_matrix(path).A.toarray(), K)
+    for size in (1, 3):
+        symmetric = read_matrix(path.with_name(f"{path.name}.{size}")).A.toarray()
+        assert np.array_equal(symmetric, [[1 / (i + j + 1) for j in range(6)] for i in range(6)])
