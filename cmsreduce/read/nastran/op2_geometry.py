@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ from cmsreduce.read.nastran.superelements import modal_points
 
 if TYPE_CHECKING:
     import pandas as pd
+    from pyyeti.nastran import op2
 
 __all__ = ["OP2_GEOMETRY"]
 
@@ -52,7 +54,7 @@ def _op2_geometry(path: Path) -> Geometry:
             tables = _tables(path)
     except ReadError as error:
         if _OF_TWO not in str(error):
-            raise
+            raise ReadError(f"{error}; or give the deck as geometry") from error
         raise ReadError(
             f"{path}: its tables of grids (BGPDT) and of their numbers (EQEXIN) do not belong together, as if a run of "
             "the assembly had replaced one of them; give the deck as geometry"
@@ -82,8 +84,32 @@ def _tables(path: Path) -> dict[int, pd.DataFrame]:
         warnings.simplefilter("ignore")
         if {"SLIST", "SUPERID"} & {str(block.name) for block in file.dblist}:
             return dict(file.rdn2cop2()["uset"])
+        # pyYeti takes every such table for one of the first versions.
+        file._rdop2bgpdt68 = partial(_grids, file)
         found = file.rdparampost(get_mats=False, get_dr_tables=False)
     return {0: found["uset"]} if "uset" in found else {}
+
+
+def _grids(file: op2.OP2) -> NDArray[np.void]:
+    """Frame and place of every grid and scalar point of the table BGPDT.
+
+    A line is a frame and a place; of later versions six integers, the second of which counts dofs, and a place of
+    double precision.
+    """
+    record = file.rdop2record("bytes")
+    file.goto_next()
+    first = np.dtype([("ints", file._intstr), ("xyz", (file._rfrm, 3))])
+    newer = np.dtype([("ints", (file._intstr, 6)), ("xyz", (f"{file._endian}f8", 3))])
+    if len(record) % newer.itemsize == 0:
+        lines = np.frombuffer(record, dtype=newer)
+        dofs = lines["ints"][:, 1]
+        if dofs[:1] == 1 and (np.diff(dofs) > 0).all():
+            found = np.empty(lines.size, dtype=[("ints", np.int64), ("xyz", (np.float64, 3))])
+            found["ints"], found["xyz"] = lines["ints"][:, 0], lines["xyz"]
+            return found
+    if len(record) % first.itemsize:
+        raise ValueError(f"the table BGPDT has {len(record)} bytes, which are no whole lines")
+    return np.frombuffer(record, dtype=first)
 
 
 def _members(table: pd.DataFrame, generalised: NDArray[np.int64]) -> dict[str, DofTable]:

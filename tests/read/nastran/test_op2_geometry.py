@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,50 @@ def test_the_model_has_the_grids_of_its_deck() -> None:
     at = deck.index(nodes.id)
     np.testing.assert_allclose(nodes.xyz, deck.xyz[at], atol=1e-4)
     np.testing.assert_allclose(nodes.frame, deck.frame[at], atol=1e-7)
+
+
+def grids(path: Path, ids: tuple[int, ...], xyz: np.ndarray, wide: bool, newer: bool) -> None:
+    """An OP2 file with the tables BGPDT and EQEXIN of grids, in lines of the first or of later versions."""
+    integer, word = ("q", 8) if wide else ("i", 4)
+
+    def record(content: bytes) -> bytes:
+        marker = struct.pack("<i", len(content))
+        return marker + content + marker
+
+    def keys(*values: int) -> bytes:
+        return b"".join(record(struct.pack(f"<{integer}", value)) for value in values)
+
+    def table(name: str, *records: bytes) -> bytes:
+        label = record("".join(part.ljust(word) for part in (name[:4], name[4:].ljust(4))).encode())
+        out = keys(2) + label + keys(-1, 7) + record(struct.pack(f"<7{integer}", 101, len(ids), 0, 0, 0, 0, 0))
+        out += keys(-2, 1, 0, 2) + label
+        for k, each in enumerate(records, 3):
+            out += keys(-k, 1, 0, len(each) // word) + record(each)
+        return out + keys(-3 - len(records), 1, 0, 0)
+
+    lines = b""
+    for k, (number, place) in enumerate(zip(ids, xyz, strict=True)):
+        first = struct.pack(f"<6{integer}", 0, 6 * k + 1, number, 61, 0, 0) if newer else struct.pack(f"<{integer}", 0)
+        lines += first + struct.pack(f"<3{'d' if newer or wide else 'f'}", *place)
+    # External numbers ascend, with the internal number of each, and ten times its first dof, and its type.
+    order = np.argsort(ids)
+    inner, dof = (
+        [value for k in order for value in (ids[k], one(k))] for one in (lambda k: k + 1, lambda k: 60 * k + 11)
+    )
+    pairs = [struct.pack(f"<{2 * len(ids)}{integer}", *each) for each in (inner, dof)]
+    bulk = table("GEOM1", struct.pack(f"<3{integer}", 65535, 65535, 25535))
+    path.write_bytes(bulk + table("BGPDT", lines) + table("EQEXIN", *pairs) + keys(0))
+
+
+@pytest.mark.parametrize("newer", [False, True], ids=["first", "later"])
+@pytest.mark.parametrize("wide", [False, True], ids=["32bit", "64bit"])
+def test_grids_of_every_version(tmp_path: Path, wide: bool, newer: bool) -> None:
+    """Lines of later versions were read as three of the first, and the file refused as one of two runs."""
+    path, xyz = tmp_path / "model.op2", np.array([[0.0, 0.5, -2.0], [1.25, 0.0, 0.0], [3.0, 4.0, 8.0]])
+    grids(path, (11, 4, 7), xyz, wide, newer)
+    nodes = read_geometry(path).nodes
+    assert nodes.id.tolist() == [4, 7, 11]
+    assert np.array_equal(nodes.xyz[nodes.index([11, 4, 7])], xyz)
 
 
 @pytest.mark.parametrize(
