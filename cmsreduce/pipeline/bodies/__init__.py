@@ -5,7 +5,7 @@ The joined system belongs in `pipeline.system`.
 """
 
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, in_scene, probing_loads, read_flexible
-from cmsreduce.pipeline.bodies.body_damping import damping_proof, damping_remark
+from cmsreduce.pipeline.bodies.body_damping import damping_health, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
 from cmsreduce.pipeline.bodies.body_proofs import RIGID_MOTIONS
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
@@ -43,6 +43,7 @@ __all__ = [
     "cells_of",
     "copy_of",
     "damped_by_modes",
+    "damping_health",
     "damping_proof",
     "damping_remark",
     "effective_masses",

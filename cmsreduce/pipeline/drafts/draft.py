@@ -14,7 +14,7 @@ import scipy.linalg as la
 from cmsreduce.config import BodyDraft, Component, body_pipeline, scene_pipeline
 from cmsreduce.errors import CmsReduceError, DofMapError, ReadError
 from cmsreduce.model import SI, FEModel, Units
-from cmsreduce.pipeline.bodies import REDUCED_FILES, material_of, plausible_units, reduced_body
+from cmsreduce.pipeline.bodies import REDUCED_FILES, damping_health, material_of, plausible_units, reduced_body
 from cmsreduce.pipeline.drafts.body_files import bodies_of_files, body_names, deck_beside
 from cmsreduce.pipeline.drafts.coincident_nodes import meetings
 from cmsreduce.pipeline.drafts.first_mode import QUICK, first_elastic, free_motions, is_held
@@ -194,6 +194,7 @@ def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
         except DofMapError as error:
             body = _held(read, error)
             draft = replace(draft, grounded=True)
+        draft = _with_damping(draft, partial(read, grounded=draft.grounded))
         if body.nodes is None:
             return None, _without_places(draft, body)
         draft = replace(_with_units(draft, body), held=is_held(body))
@@ -211,6 +212,21 @@ def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
         return None, refused
     time = Units.parse(draft.units).time if draft.units else 1.0
     return body, replace(draft, elastic_hz=None if hz is None else hz / time)
+
+
+def _with_damping(draft: BodyDraft, read: Callable[..., FEModel]) -> BodyDraft:
+    """The draft; without its damping matrix and with a note if a run would refuse that one."""
+    if draft.damping is None:
+        return draft
+    path, matrix = draft.damping
+    try:
+        body = read(damping_matrix=MatrixSource(path, matrix))
+        if body.nodes is not None and body.n <= QUICK:
+            damping_health(body, free_motions(body), reduced=True)
+    except CmsReduceError as error:
+        note = f"left out: '{matrix}' in {path} is no damping of this body: {error}"
+        return replace(draft, damping=None, notes=(*draft.notes, note))
+    return draft
 
 
 def _without_places(draft: BodyDraft, body: FEModel) -> BodyDraft:

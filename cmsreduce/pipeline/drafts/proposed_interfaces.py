@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cmsreduce.model import FEModel
+from cmsreduce.pipeline.drafts.named_sets import Place, by_name, by_standing, components_of, in_line, named_sets
 
 __all__ = ["Place", "in_line", "nearest", "position", "proposed_interfaces"]
 
@@ -27,8 +26,6 @@ _SMOOTH = np.cos(np.radians(50.0))
 _FLAT = np.cos(np.radians(0.5))
 # Share of the radius by which nodes of a hole may miss its circle, and of its normals along its axis.
 _ROUND, _ALONG = 0.02, 0.05
-# Nodes with less spread across a line, relative to that along it, are in line.
-_IN_LINE = 1e-6
 _FULL_CIRCLE = np.radians(300.0)
 # A place with more nodes fills pages of a pipeline; a set of the deck names it better.
 _MOST_NODES, _MOST_PLACES = 400, 6
@@ -40,31 +37,6 @@ _FACES = {
     "wedge": ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
     "hexahedron": ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
-
-
-@dataclass(frozen=True)
-class Place:
-    """A place where a joint could hold a body.
-
-    Parameters
-    ----------
-    name : str
-        Name of the interface, such as ``hole_1``.
-    interface : str
-        The interface as YAML, ready for a pipeline.
-    nodes : tuple of int
-        Its nodes.
-    words : str
-        What the place is, with its position.
-    tied : bool
-        True if the nodes are tied to one point with six dofs.
-    """
-
-    name: str
-    interface: str
-    nodes: tuple[int, ...]
-    words: str
-    tied: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +73,8 @@ def proposed_interfaces(
         Nodes at which a load has no answer; their places are last.
     """
     assert body.nodes is not None
-    found, sets = list(_sets(body)), list(_named_sets(body, node_sets or {}, expanded or {}))
-    lone, (shaped, sets) = list(_lone_nodes(body, cells)), _by_name(list(_shaped(body, cells)), sets)
+    found, sets = list(_sets(body)), list(named_sets(body, node_sets or {}, expanded or {}))
+    lone, (shaped, sets) = list(_lone_nodes(body, cells)), by_name(list(_shaped(body, cells)), sets)
     turning = (body.dofs.component > _TRANSLATIONS).any()
     grid = list(_first_grid(body, expanded or {}, loose))
     # A grid with rotations takes a joint as it is; a node of a solid leaves the rotations free.
@@ -112,43 +84,7 @@ def proposed_interfaces(
     small = [each for each in sets if face and each.tied and len(each.nodes) <= len(face.nodes)]
     first = 0 if expanded or small else 1
     found[first:first] = small + [each for each in sets if each not in small]
-    return sorted(found, key=lambda place: bool(loose & {*place.nodes}))[:_MOST_PLACES]
-
-
-def _by_name(shaped: Sequence[Place], sets: Sequence[Place]) -> tuple[list[Place], list[Place]]:
-    """Holes and faces, first those whose nodes a set of the deck names, as that set; and the sets that are left."""
-    of = {frozenset(each.nodes): each for each in reversed(sets)}
-    named, others = [], []
-    for place in shaped:
-        if (known := of.get(frozenset(place.nodes))) is None:
-            others.append(place)
-        else:
-            named.append(replace(place, name=known.name, interface=known.interface))
-    taken = {each.name for each in named}
-    return named + others, [each for each in sets if each.name not in taken]
-
-
-def _named_sets(
-    body: FEModel, node_sets: Mapping[str, Ids], expanded: Mapping[int, tuple[int, ...]]
-) -> Iterator[Place]:
-    """Sets of nodes that are a part of the body: a user names what a joint or a load is on."""
-    components = _components(body)
-    every = len(components)
-    for name, ids in node_sets.items():
-        label = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_-")
-        if label and 0 < ids.size <= every // 2:
-            plain = name if re.fullmatch(r"[A-Za-z]\w*", name) else json.dumps(name)
-            tie, words = (", tie: rigid", f"set, {ids.size} nodes") if ids.size > 1 else ("", f"set, node {ids[0]}")
-            groups = [(node,) if node in components else expanded.get(node, ()) for node in ids.tolist()]
-            nodes = tuple(one for group in groups for one in group if one in components)
-            # A support is a set, too, and a tie needs all translations of its nodes.
-            lost = any(not components.keys() & set(group) for group in groups)
-            if lost:
-                continue
-            has = [components[node] for node in nodes if tie]
-            loose = tie and in_line(body, nodes) and not all(len(each) == _SIX for each in has)
-            if not loose and all(each >= {1, 2, 3} for each in has):
-                yield Place(label, f"{{set: {plain}{tie}}}", nodes, words, ids.size > 1)
+    return sorted(by_standing(found), key=lambda place: bool(loose & {*place.nodes}))[:_MOST_PLACES]
 
 
 def _sets(body: FEModel) -> Iterator[Place]:
@@ -159,19 +95,9 @@ def _sets(body: FEModel) -> Iterator[Place]:
         yield Place("boundary", "{set: b}", nodes, f"b-set, {len(nodes)} nodes")
 
 
-def _components(body: FEModel) -> dict[int, set[int]]:
-    """Components of every node with coordinates and rows."""
-    assert body.nodes is not None
-    found: dict[int, set[int]] = {}
-    known = body.nodes.index(body.dofs.node) >= 0
-    for node, component in zip(body.dofs.node[known].tolist(), body.dofs.component[known].tolist(), strict=True):
-        found.setdefault(node, set()).add(component)
-    return found
-
-
 def _first_grid(body: FEModel, expanded: Mapping[int, tuple[int, ...]], loose: frozenset[int]) -> Iterator[Place]:
     """The first node with most dofs; of those that a node of a shell became, the middle one."""
-    if not (components := _components(body)):
+    if not (components := components_of(body)):
         return
     node = max(components, key=lambda each: (each not in loose, len(components[each])))
     own, ids = next(((own, ids) for own, ids in expanded.items() if node in ids), (node, (node,)))
@@ -183,7 +109,7 @@ def _first_grid(body: FEModel, expanded: Mapping[int, tuple[int, ...]], loose: f
 
 def _lone_nodes(body: FEModel, cells: Mapping[str, Ids]) -> Iterator[Place]:
     """Nodes with six dofs in a body of translations, and nodes with mass that no element holds."""
-    components = _components(body)
+    components = components_of(body)
     six = [node for node, parts in components.items() if len(parts) == _SIX]
     if not 0 < len(six) <= len(components) // 2:
         six = []
@@ -314,14 +240,6 @@ def _cylinder(points: Array, normals: Array, centres: Array) -> float | None:
     # The gap between neighbours around a full circle is that between two nodes.
     full = 2 * np.pi - gap > _FULL_CIRCLE - np.radians(20.0)
     return radius if inward and full else None
-
-
-def in_line(body: FEModel, ids: Sequence[int]) -> bool:
-    """True if nodes are in line, so that a rigid tie of their translations leaves a rotation of its point free."""
-    assert body.nodes is not None
-    xyz = body.nodes.xyz[body.nodes.index(ids)]
-    s = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False)
-    return bool(s.size < 2 or s[1] <= _IN_LINE * s[0])
 
 
 def nearest(points: Array, among: Array) -> tuple[Array, Ids]:

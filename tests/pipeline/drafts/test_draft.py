@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +130,25 @@ def test_the_damping_of_a_struct_goes_into_the_draft(arm: Path) -> None:
     assert typed("new", "mine", "arm.mat", "arm.bdf")[0] == 0
     keys = load_pipeline(Path("mine.yaml")).components["mine"]
     assert (keys.stiffness.matrix, keys.mass.matrix, keys.damping.matrix.matrix) == ("body.K", "body.M", "body.D")
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda K, M: np.eye(6), "different size"),
+        (lambda K, M: np.triu(K), "damping matrix D is not symmetric"),
+        (lambda K, M: -1e-4 * K, "not positive semidefinite"),
+        (lambda K, M: 2 * M, "it holds 2 times the mass matrix"),
+    ],
+)
+def test_a_damping_that_a_run_refuses_is_not_in_the_draft(arm: Path, change: Callable, reason: str) -> None:
+    """An output matrix of a controller is called C, too; the run ended with the refusal of it."""
+    K, M = (np.asarray(next(v for n, v in op4.read("arm.op4").items() if n[0].lower() == letter)) for letter in "km")
+    scipy.io.savemat("arm.mat", {"M": M, "C": change(K, M), "K": K})
+    code, said = typed("new", "mine", "arm.mat", "arm.bdf")
+    assert code == 0
+    assert "warning: left out: 'C' in arm.mat is no damping of this body" in said and reason in said
+    assert load_pipeline(Path("mine.yaml")).components["mine"].damping.matrix is None
 
 
 def test_files_that_do_not_fit_are_named_and_nothing_is_lost(arm: Path) -> None:

@@ -56,6 +56,36 @@ def test_a_small_set_is_the_mount_before_a_face() -> None:
     assert names[0].startswith("face_") and names[1] == "TIP"
 
 
+@pytest.mark.parametrize(
+    ("names", "first"),
+    [
+        (("LOAD", "MOUNT"), "MOUNT"),
+        (("P_LOAD", "FIXED_NODES"), "FIXED_NODES"),
+        (("Tip", "holeRoot"), "holeRoot"),
+        (("LOADS", "A"), "A"),
+        (("B", "A"), "B"),
+        # Both, or neither.
+        (("LOAD_AT_BASE", "MULTIPLE"), "LOAD_AT_BASE"),
+        (("A", "INTERFACE"), "INTERFACE"),
+    ],
+)
+def test_the_names_of_sets_tell_mounts_from_loads(names: tuple[str, str], first: str) -> None:
+    """The first set of the deck was the mount, whatever its name."""
+    body = block("body", (0.1, 0.06, 0.1), (1, 1, 1))
+    sets = dict(zip(names, (np.array([1, 4, 6]), np.array([1, 3, 5])), strict=True))
+    places = proposed_interfaces(body, BRICK, sets)
+    assert places[0].name == first
+    told = first not in ("A", "B", "LOAD_AT_BASE")
+    assert ("a mount by its name" in places[0].words) == told
+    assert {each.name for each in places} >= set(names)
+
+
+def test_the_only_set_is_no_mount_if_it_is_a_load() -> None:
+    body = block("body", (0.1, 0.06, 0.1), (1, 1, 1))
+    places = proposed_interfaces(body, BRICK, {"LOADS": np.array([1, 4, 6])})
+    assert places[0].name.startswith("face_") and places[1].name == "LOADS"
+
+
 def test_a_face_with_rows_along_one_edge_is_no_tie() -> None:
     body = block("body", (0.1, 0.06, 0.1), (2, 1, 1))
     assert body.nodes is not None
