@@ -55,7 +55,15 @@ def mesh(path: str, format: str | None = None) -> Arrays:
                 f"meshio {meshio.__version__} does not give the numbers of nodes ({error}): "
                 "pip install meshio==5.3.5, or write the mesh as MED"
             ) from error
-    found = meshio.read(path, format)
+    try:
+        found = meshio.read(path, format)
+    except IndexError:
+        # The number of a node beyond the largest.
+        if numbers and path.lower().endswith(".msh"):
+            refuse_missing_node(path, numbers[0])
+        raise
+    if numbers and path.lower().endswith(".msh") and any(np.min(block.data, initial=0) < 0 for block in found.cells):
+        refuse_missing_node(path, numbers[0])
     if len(numbers) > 1:
         raise ValueError(f"it has {len(numbers)} blocks of nodes, and one is read: write all nodes in one")
     if numbers and path.lower().endswith(".mdpa"):
@@ -70,6 +78,28 @@ def mesh(path: str, format: str | None = None) -> Arrays:
     sets = {f"set {number}": ids for number, ids in enumerate(named.values())}
     own = {"number": numbers[0]} if numbers else {}
     return {"points": np.asarray(found.points), "names": np.array(list(named), dtype=str), **own, **cells, **sets}
+
+
+def refuse_missing_node(path: str, numbers: Any) -> None:
+    """Name the first element of a text of gmsh with a node that is not there; nothing for a binary file."""
+    known = {int(number) for number in numbers}
+    with open(path, encoding="latin-1") as file:  # noqa: PTH123
+        lines = iter(file.read().split("\n"))
+    version, binary, _ = next(line for line in lines if line.strip() and line.strip() != "$MeshFormat").split()
+    if binary != "0":
+        return
+    while next(lines).strip() != "$Elements":
+        pass
+    # Elements of later versions come in blocks, each under a line with their count at its end.
+    blocks = int(next(lines).split()[0])
+    for _ in range(blocks if version.startswith("4") else 1):
+        count = int(next(lines).split()[-1]) if version.startswith("4") else blocks
+        for _ in range(count):
+            words = [int(word) for word in next(lines).split()]
+            first = 1 if version.startswith("4") else 3 + words[2]
+            for node in words[first:]:
+                if node not in known:
+                    raise ValueError(f"element {words[0]} names node {node}, which is not in the file: write it again")
 
 
 def keep_numbers() -> list[Any]:
