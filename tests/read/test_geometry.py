@@ -93,11 +93,15 @@ PARTS = """*Heading
         (FLAT, [1, 7, 9], [[0, 1, 0], [0.25, 0, -3], [1, 1, 1]]),
         (PARTS, [1, 2, 50], [[0, 1, 5], [0, 2, 5], [7, 7, 7]]),
         ("*INCLUDE, INPUT=other.msh\n*NODE\n3,3.\n", [8, 3], [[8, 0, 0], [3, 0, 0]]),
+        # On two lines, and a file in a folder that names one beside the deck.
+        ("*INCLUDE,\n INPUT=sub/first.inp\n", [8, 3], [[8, 0, 0], [3, 0, 0]]),
         ("*NODE, INPUT=nodes.txt\n*STEP\n", [5, 6], [[5, 1, 0], [6, 2, 0]]),
     ],
 )
 def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xyz: list[list[float]]) -> None:
     write(tmp_path, "other.msh", "*NODE\n8,8.\n")
+    (tmp_path / "sub").mkdir()
+    write(tmp_path, "sub/first.inp", "*INCLUDE, INPUT=other.msh\n*NODE\n3,3.\n")
     write(tmp_path, "nodes.txt", "5,5.,1.\n** comment\n6,6.,2.\n")
     nodes = read_geometry(write(tmp_path, "model.inp", text)).nodes
     assert nodes.id.tolist() == ids
@@ -137,12 +141,16 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
         ),
         ("*NODE, SYSTEM=C\n1,0.\n", "write rectangular ones"),
         ("*HEADING\n*STEP\n", "there are no nodes in it"),
-        ("*INCLUDE, INPUT=gone.inp\n", "gone.inp: cannot be read: No such file"),
+        ("*HEADING\n*INCLUDE, INPUT=gone.inp\n", r"line 2: \*INCLUDE: the file 'gone.inp' is missing: there is no"),
+        ("*INCLUDE,\nINPUT=sub/one.inp\n", r"one.inp, line 2: \*INCLUDE: the file 'gone.inp' is missing: .* or "),
+        ("*NODE\n1,0.\n*INCLUDE\n", r"line 3: \*INCLUDE names no file; write \*INCLUDE, INPUT=FILE"),
         ("*NODE, INPUT=gone.txt\n*STEP\n", "gone.txt cannot be read"),
         ("*INCLUDE, INPUT=model.inp\n", "includes itself"),
     ],
 )
 def test_input_that_would_give_wrong_nodes_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "sub").mkdir()
+    write(tmp_path, "sub/one.inp", "*HEADING\n*INCLUDE, INPUT=gone.inp\n")
     with pytest.raises(ReadError, match=message):
         read_geometry(write(tmp_path, "model.inp", text))
 

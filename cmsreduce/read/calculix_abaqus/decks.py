@@ -87,16 +87,9 @@ def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
     """
     check_included(path, chain)
     block: Block | None = None
-    continued = False
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        line = line.strip()
-        if not line or line.startswith("**"):
-            continue
-        if continued and block is not None:
-            # A keyword line that ends with a comma goes on.
-            block.options |= _options(line.split(","))
-            continued = line.endswith(",")
-            continue
+    lines = ((number, line.strip()) for number, line in enumerate(read_text(path).splitlines(), start=1))
+    lines = ((number, line) for number, line in lines if line and not line.startswith("**"))
+    for number, line in lines:
         if not line.startswith("*"):
             if block is not None:
                 block.data.append((number, line))
@@ -105,12 +98,27 @@ def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
             yield block
         head, *rest = (part.strip() for part in line[1:].split(","))
         block = Block(" ".join(head.upper().split()), _options(rest), f"{path}, line {number}: *{head}", path)
-        continued = line.endswith(",")
+        # A keyword line that ends with a comma goes on.
+        while line.endswith(","):
+            _, line = next(lines, (0, ""))
+            block.options |= _options(line.split(","))
         if block.keyword == "INCLUDE":
-            yield from blocks(path.parent / block.options.get("INPUT", ""), (*chain, path))
+            yield from blocks(_included(block, (*chain, path)), (*chain, path))
             block = None
     if block is not None:
         yield block
+
+
+def _included(block: Block, chain: tuple[Path, ...]) -> Path:
+    """File that an *INCLUDE in the last of a chain of files names: beside that file, or beside the first."""
+    name = block.options.get("INPUT", "")
+    tried = list(dict.fromkeys(deck.parent / name for deck in (chain[-1], chain[0])))
+    if not name:
+        raise ReadError(f"{block.where} names no file; write *INCLUDE, INPUT=FILE")
+    if (found := next((path for path in tried if path.exists()), None)) is None:
+        looked = " or ".join(map(str, tried))
+        raise ReadError(f"{block.where}: the file '{name}' is missing: there is no {looked}; copy it there")
+    return found
 
 
 def _options(parts: list[str]) -> dict[str, str]:
