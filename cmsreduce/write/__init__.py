@@ -22,6 +22,7 @@ from cmsreduce.write.system_file import SystemFile, read_system, stated_settings
 from cmsreduce.write.targets import (
     PROFILES,
     TARGETS,
+    JoinedNodes,
     LinearModel,
     Port,
     Profile,
@@ -50,6 +51,7 @@ __all__ = [
     "SAME_MASS",
     "StateSpace",
     "SystemFile",
+    "JoinedNodes",
     "TARGETS",
     "Target",
     "TargetFiles",

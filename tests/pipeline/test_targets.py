@@ -7,9 +7,11 @@ import shutil
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import h5py
+import meshio
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -277,6 +279,7 @@ UNWRITABLE = {
     "of a program": (LOSS, "[hdf5]", "[exudyn]", "'exudyn' .targets.: .*structural damping"),
     "wheel": (WHEEL, "[fmi, mbdyn]", "['42']", "'mbdyn', '42' .targets.: .*gyroscopic"),
     "support": ("components.BODY.grounded=true", "[simscape, abcd]", "[]", "has 0; hold"),
+    "interface nodes": ("scene.base=hub", "[radioss]", "[]", "'radioss': .*needs three interface nodes"),
     "few nodes": ("scene.base=hub", "[dads, 42]", "[mbdyn-1.7.3-lumped]", "'dads', 'mbdyn.*lumped' .*all_nodes: true"),
 }
 
@@ -292,6 +295,39 @@ def test_what_a_format_cannot_hold_is_refused_before_anything_is_reduced(
     with pytest.raises(ConfigError, match=message):
         execute(run, study, report=False)
     assert not any((run.folder / "stages").glob("*.reduce.h5"))
+
+
+FORMATS_OF_FRAMES = {
+    "sid": "lacks a translation, as in a plane body; matlab, abcd and fmi",
+    "mbdyn": "lacks a translation, as in a plane body",
+    "extptfm": "joins the structure to the tower at one node, and its interfaces .mount, rod. have 3 nodes",
+    "nastran, '42'": "'42': .*interface 'mount' has 2 nodes, and a joint of 42 has one",
+}
+
+
+@pytest.mark.parametrize("formats", FORMATS_OF_FRAMES)
+def test_interfaces_and_plane_bodies_without_a_place_are_refused_before_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, formats: str
+) -> None:
+    """Such files failed alone, at the end of the run. The body is a braced square of springs in a plane."""
+    monkeypatch.chdir(tmp_path)
+    xyz, K = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.zeros((8, 8))
+    for i, j in combinations(range(4), 2):
+        along = (xyz[j] - xyz[i])[:2] / np.linalg.norm(xyz[j] - xyz[i])
+        row = np.zeros(8)
+        row[2 * i : 2 * i + 2], row[2 * j : 2 * j + 2] = -along, along
+        K += 1e6 * np.outer(row, row)
+    np.savez("body.npz", K=K, M=2.0 * np.eye(8))
+    meshio.Mesh(xyz, [("quad", [[0, 1, 2, 3]])]).write("body.vtk")
+    faces = "{mount: {nodes: [1, 2]}, rod: {node: 3}}"
+    Path("body.yaml").write_text(
+        "name: body\ncomponents: {body: {stiffness: {file: body.npz, matrix: K}, mass: {file: body.npz, matrix: M}, "
+        f"geometry: body.vtk, interfaces: {faces}}}}}\nscene: {{band: 100 Hz}}\nreduce: {{method: craig-bampton}}\n"
+        f"write: {{formats: [{formats}]}}\n"
+    )
+    result = CliRunner().invoke(main, ["run", "body.yaml"])
+    assert result.exit_code == 2 and re.search(FORMATS_OF_FRAMES[formats], " ".join(result.output.split()))
+    assert not any(Path("build/body/stages").glob("*.reduce.h5"))
 
 
 def test_a_body_that_a_format_cannot_hold_fails_beside_one_that_it_can(opened: Callable[..., Run], study: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from cmsreduce.errors import ConfigError
 from cmsreduce.mechanics import moves_generalised
-from cmsreduce.model import UNDETERMINED, Configuration, Values
+from cmsreduce.model import UNDETERMINED, Configuration, FEModel, Values
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.results.mass_and_frame import frame_of, integral_frame_of, outboard_of
 from cmsreduce.pipeline.results.result import component_checks
@@ -18,7 +18,7 @@ from cmsreduce.pipeline.results.step_advice import body_costly_modes
 from cmsreduce.pipeline.results.units import channel_quantities
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.write import PROFILES, TARGETS, Profile, write_component, write_system
+from cmsreduce.write import PROFILES, TARGETS, JoinedNodes, Profile, write_component, write_system
 
 __all__ = ["refuse_unwritable", "write_body", "write_system_file"]
 
@@ -71,9 +71,26 @@ def _unfit(profile: Profile, flexible: FlexibleBody, values: Values, all_nodes: 
     if (target.free or profile.mean_axes) and rigid != _SIX:
         held = "; hold it by a joint in place of `grounded: true`" if body.grounded else ""
         return f"they take bodies with six rigid motions, and it has {rigid}{held}"
+    if reason := target.joins(JoinedNodes.of_body(body)):
+        return f"they have no place for its interfaces: {reason}"
+    if target.integrals and (lost := _moves_unknown(body)):
+        return (
+            f"they hold bodies that move in all directions, and node {lost} of it lacks a translation, as in a plane "
+            "body; matlab, abcd and fmi have a place for it"
+        )
     if (profile.dialect or next(iter(target.dialects), "")) in target.lumped and not all_nodes:
         return "they need the masses of all nodes; set `write: {all_nodes: true}`"
     return ""
+
+
+def _moves_unknown(body: FEModel) -> int:
+    """An interface node with a translation that is no row and is not held; 0 if there is none."""
+    nodes = np.unique(np.concatenate([np.empty(0, np.int64), *(each.node for each in body.interfaces.values())]))
+    asked = np.repeat(nodes, 3), np.tile(np.arange(1, 4), nodes.size)
+    known = body.recovery.dofs.rows(*asked) >= 0
+    if body.constrained is not None:
+        known |= body.constrained.rows(*asked) >= 0
+    return int(next(iter(nodes[~known.reshape(-1, 3).all(axis=1)]), 0))
 
 
 @diagnostic("the component file of '{}'", about=lambda run, name, *_: name, required=True)

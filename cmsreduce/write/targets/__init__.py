@@ -8,6 +8,7 @@ from cmsreduce.write.targets.conversion import conversion, convert, refuse_other
 from cmsreduce.write.targets.exudyn import exudyn_arrays
 from cmsreduce.write.targets.flex42 import write_42
 from cmsreduce.write.targets.fmi import LinearModel, Port, unit_binary, write_unit
+from cmsreduce.write.targets.joined_nodes import JoinedNodes
 from cmsreduce.write.targets.mbdyn import write_mbdyn
 from cmsreduce.write.targets.profiles import PROFILES, Profile, TargetFiles, profile_files
 from cmsreduce.write.targets.state_space import StateSpace, component_states, write_matlab
@@ -15,6 +16,7 @@ from cmsreduce.write.targets.table import TARGETS, Target
 from cmsreduce.write.targets.vtu import write_vtu
 
 __all__ = [
+    "JoinedNodes",
     "LinearModel",
     "PROFILES",
     "Port",

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import WriteError
 from cmsreduce.write.component import ComponentFile
 from cmsreduce.write.files import number, put_lines
+from cmsreduce.write.targets.joined_nodes import JoinedNodes, one_frame, refuse_joined
 from cmsreduce.write.targets.superelement import Superelement, framed_superelement
 
 __all__ = ["EXTPTFM_DIALECTS", "write_extptfm"]
@@ -41,15 +41,10 @@ def write_extptfm(path: Path, component: ComponentFile, dialect: str = EXTPTFM_D
         If the body has not one interface of one node with six dofs, damping is a complex stiffness, or the file cannot
         be written.
     """
-    nodes = sorted({node for ids in component.interfaces.values() for node in ids})
-    if len(nodes) != 1:
-        raise WriteError(
-            f"component '{component.name}': ExtPtfm joins the structure to the tower at one node, and its interfaces "
-            f"({', '.join(component.interfaces) or 'none'}) have {len(nodes)} nodes; give the body this one interface, "
-            "hold its feet in the deck, and put other loads on actuators"
-        )
+    joined = JoinedNodes.of_file(component)
+    refuse_joined(component, one_frame(joined))
     body = framed_superelement(component)
-    at = int(np.flatnonzero(component.arrays["nodes/id"] == nodes[0])[0])
+    at = int(np.flatnonzero(component.arrays["nodes/id"] == next(iter(joined.components)))[0])
     place = component.arrays["nodes/xyz"][at] * component.units.length
     put_lines(path, _lines(component.name, body, place, old=dialect == "openfast-4"))
 

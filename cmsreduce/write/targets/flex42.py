@@ -12,6 +12,7 @@ from cmsreduce.errors import WriteError
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body, require_mass
 from cmsreduce.write.files import number, put_lines
+from cmsreduce.write.targets.joined_nodes import JoinedNodes, single_nodes
 
 __all__ = ["MARK_42", "files_42", "write_42"]
 
@@ -136,11 +137,8 @@ def _joints(body: FlexibleBody, numbers: Mapping[str, int] | None) -> list[tuple
             known = ", ".join(body.interfaces) or "none"
             raise WriteError(f"component '{body.name}' has no interface '{name}' for joint {joint} (it has: {known})")
         nodes = body.interfaces[name]
-        if len(nodes) != 1:
-            raise WriteError(
-                f"component '{body.name}': interface '{name}' has {len(nodes)} nodes, and a joint of 42 has one; tie "
-                "them to one node"
-            )
+        if reason := single_nodes(JoinedNodes({name: nodes}, {}, {})):
+            raise WriteError(f"component '{body.name}': {reason}")
         found.append((name, int(np.flatnonzero(body.node == nodes[0])[0]), joint))
     return found
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
 from cmsreduce.write.component import ComponentFile, refuse_long_ids
 from cmsreduce.write.files import put_lines
+from cmsreduce.write.targets.joined_nodes import JoinedNodes, refuse_joined, three_frames
 from cmsreduce.write.targets.nastran import entries
 from cmsreduce.write.targets.superelement import Superelement, framed_superelement
 
@@ -49,23 +49,10 @@ def write_radioss(path: Path, component: ComponentFile) -> None:
             f"{component.rigid_count} of the six motions without strain, so that its supports would be lost; reduce it "
             "without supports, and hold its interface nodes in the model (/BCS)"
         )
+    refuse_joined(component, three_frames(JoinedNodes.of_file(component)))
     body = framed_superelement(component)
-    nodes = body.interface.node[::_SIX]
-    refuse_long_ids(component, nodes, "Radioss")
-    _require_three_nodes(component, nodes)
+    refuse_long_ids(component, body.interface.node, "Radioss")
     put_lines(path, _lines(component, body))
-
-
-def _require_three_nodes(component: ComponentFile, nodes: NDArray[np.int64]) -> None:
-    """Refuse nodes in one line: Radioss describes the turned body by the places of its nodes."""
-    places = component.arrays["nodes/xyz"][np.isin(component.arrays["nodes/id"], nodes)]
-    across = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
-    if len(nodes) < _THREE or across[1] <= _IN_LINE * across[0]:
-        raise WriteError(
-            f"component '{component.name}': Radioss needs three interface nodes that are not in one line, and this "
-            f"body has {len(nodes)}{' in a line' if len(nodes) >= _THREE else ''}; give it interfaces at further "
-            "nodes, which also show how it bends"
-        )
 
 
 def left_out(component: ComponentFile) -> str:

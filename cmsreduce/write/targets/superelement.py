@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import SCALAR, DofTable
+from cmsreduce.model import DofTable
 from cmsreduce.write.component import ComponentFile
+from cmsreduce.write.targets.joined_nodes import JoinedNodes, an_interface, frames, refuse_joined
 
 __all__ = ["Superelement", "framed_superelement", "superelement"]
 
@@ -111,8 +112,8 @@ def framed_superelement(component: ComponentFile) -> Superelement:
         As `superelement` does; and if an interface node has fewer than six dofs, damping is a complex stiffness, or
         damping couples a mode without mass to the rest.
     """
+    refuse_joined(component, frames(JoinedNodes.of_file(component)))
     body = superelement(component)
-    _require_frames(component, body.interface)
     if body.loss is not None:
         raise WriteError(
             f"component '{component.name}': structural damping is a complex stiffness, which codes in the time domain "
@@ -140,16 +141,6 @@ def framed_superelement(component: ComponentFile) -> Superelement:
     )
 
 
-def _require_frames(component: ComponentFile, interface: DofTable) -> None:
-    for node in np.unique(interface.node):
-        parts = interface.component[interface.node == node]
-        if parts.size != _SIX or SCALAR in parts:
-            raise WriteError(
-                f"component '{component.name}': interface node {node} has {parts.size} of the six dofs that a frame "
-                "needs; tie the nodes of the interface to one node with `tie:`, which has all six"
-            )
-
-
 def _to_basic_metres(component: ComponentFile, body: Superelement) -> Array:
     """Dofs of the file from those in basic axes, metres, radians and unit modal masses of kg m^2 (i + q, i + q)."""
     T, units = np.zeros_like(body.K), component.units
@@ -166,8 +157,7 @@ def _to_basic_metres(component: ComponentFile, body: Superelement) -> Array:
 def _interface(component: ComponentFile) -> tuple[DofTable, Array]:
     """Dofs of the interfaces, each once, and their rows of the shapes (i, m)."""
     names = [f"interfaces/{name}" for name in component.interfaces]
-    if not names:
-        raise WriteError(f"component '{component.name}': a superelement needs interfaces, and this body has none")
+    refuse_joined(component, an_interface(JoinedNodes.of_file(component)))
     node = np.concatenate([component.arrays[f"{name}/node"] for name in names])
     part = np.concatenate([component.arrays[f"{name}/component"] for name in names])
     rows = np.vstack([component.arrays[f"{name}/shapes"] for name in names])

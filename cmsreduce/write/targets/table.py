@@ -10,6 +10,14 @@ from cmsreduce.write.targets.extptfm import EXTPTFM_DIALECTS, write_extptfm
 from cmsreduce.write.targets.exudyn import write_exudyn
 from cmsreduce.write.targets.flex42 import MARK_42, files_42, write_42
 from cmsreduce.write.targets.fmi import FMI_DIALECTS, write_body_unit
+from cmsreduce.write.targets.joined_nodes import (
+    JoinedNodes,
+    an_interface,
+    frames,
+    one_frame,
+    single_nodes,
+    three_frames,
+)
 from cmsreduce.write.targets.mbdyn import write_mbdyn
 from cmsreduce.write.targets.mbsim import write_mbsim
 from cmsreduce.write.targets.nastran import NASTRAN_MARK, nastran_files, write_nastran
@@ -43,6 +51,8 @@ class Target:
         True if the format has a place for gyroscopic forces, and for structural damping, a complex stiffness.
     free : bool
         True if it takes bodies with six rigid motions alone.
+    joins : callable of JoinedNodes
+        Reason why it cannot hold such interfaces, with the remedy; empty if it can.
     lumped : tuple of str
         Dialects that need the lumped masses of all nodes, "" for a format without dialects.
     files : callable of path
@@ -59,14 +69,23 @@ class Target:
     gyroscopic: bool = False
     structural: bool = False
     free: bool = False
+    joins: Callable[[JoinedNodes], str] = lambda joined: ""
     lumped: tuple[str, ...] = ()
     files: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
     mark: str = ""
 
 
 TARGETS: dict[str, Target] = {
-    "nastran": Target(".op4", write_nastran, integrals=False, structural=True, files=nastran_files, mark=NASTRAN_MARK),
-    "42": Target(".42.txt", write_42, files=files_42, mark=MARK_42),
+    "nastran": Target(
+        ".op4",
+        write_nastran,
+        integrals=False,
+        structural=True,
+        joins=an_interface,
+        files=nastran_files,
+        mark=NASTRAN_MARK,
+    ),
+    "42": Target(".42.txt", write_42, joins=single_nodes, files=files_42, mark=MARK_42),
     "sid": Target(".SID_FEM", write_sid, ("by-axis", "by-mode", "gr-by-mode", "embs"), mark=", columns of Gr "),
     "mbdyn": Target(
         ".fem",
@@ -84,8 +103,14 @@ TARGETS: dict[str, Target] = {
     "matlab": Target(".mat", write_states, integrals=False, gyroscopic=True, mark=MAT_MARK),
     "abcd": Target(".abcd.txt", write_abcd, integrals=False, gyroscopic=True, mark="% STATE SPACE "),
     "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False, gyroscopic=True, mark="modelDescription.xml"),
-    "extptfm": Target("_SE.dat", write_extptfm, EXTPTFM_DIALECTS, integrals=False, mark="!Superelement of "),
-    "radioss": Target("_fxb.pch", write_radioss, integrals=False, free=True, mark="$ Flexible body "),
-    "simscape": Target("_rom.m", write_simscape, integrals=False, free=True, files=simscape_files, mark=SIMSCAPE_MARK),
+    "extptfm": Target(
+        "_SE.dat", write_extptfm, EXTPTFM_DIALECTS, integrals=False, joins=one_frame, mark="!Superelement of "
+    ),
+    "radioss": Target(
+        "_fxb.pch", write_radioss, integrals=False, free=True, joins=three_frames, mark="$ Flexible body "
+    ),
+    "simscape": Target(
+        "_rom.m", write_simscape, integrals=False, free=True, joins=frames, files=simscape_files, mark=SIMSCAPE_MARK
+    ),
 }
 """Targets by their name in ``write.formats`` and ``convert --format``; one line registers a format."""
