@@ -273,6 +273,9 @@ def _held_turning(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
     shapes = _rigid_shapes(body)
     if not body.grounded or shapes is None or not 0 < rigid.shape[1] < _shown_motions(body):
         return []
+    if not np.isin((1, 2, 3), body.dofs.component).all():
+        # Supports of all nodes across a plane resist rotation out of it.
+        return []
     translations = shapes[:, :3]
     resisted = translations - rigid @ (rigid.T @ (body.M @ translations))
     if abs(resisted).max() > _AT_REST:

@@ -7,19 +7,21 @@ exchange of whole nodes changes no sum over the nodes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.model import FEModel, Nodes
+from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
 __all__ = ["HeldRows", "held_rows"]
 
 # Relative to the other forces at a node: a smaller one is round-off.
 _NO_FORCE = 1e-6
+# Of a place relative to the size of the body: closer nodes are at one place.
+_DIGITS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,9 @@ class HeldRows:
     wrong: NDArray[np.int64]
 
 
-def held_rows(body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array | None = None) -> HeldRows:
+def held_rows(
+    body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array | None = None, *, in_plane: bool = False
+) -> HeldRows:
     """Sort the nodes of a body that the ground holds.
 
     Parameters
@@ -57,11 +61,19 @@ def held_rows(body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array
         True if K comes from condensation.
     matrix : (n, n) sparse array, optional
         Damping in place of the stiffness.
+    in_plane : bool
+        True to try the motions in a plane alone where no node has a row across it, as in a structure that supports hold
+        in a plane.
     """
     A = body.K if matrix is None else matrix
-    found = rigid_residual(A, body.dofs, nodes, None, body.rounding, condensed, body.noise)
     moving = body.dofs.component > 0
     ids, of = np.unique(body.dofs.node[moving], return_inverse=True)
+    found = None
+    if in_plane and (rest := _without_rows(body.dofs)) is not None:
+        found = rigid_residual(A, body.dofs, nodes, rest, body.rounding, condensed, body.noise)
+        found = _in_plane(found, nodes.xyz[nodes.index(ids)])
+    if found is None:
+        found = rigid_residual(A, body.dofs, nodes, None, body.rounding, condensed, body.noise)
     rows, turning = np.flatnonzero(moving), body.dofs.component[moving] > 3
     force, excess = abs(found.force[rows]), found.excess[rows]
     # The worst force of a row over its excess is the force that round-off may leave there.
@@ -75,11 +87,37 @@ def held_rows(body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array
     arm = (nodes.xyz[at] - found.centre) / found.length
     by_arm = np.cross(np.eye(3), arm[:, None, :])
     own = found.force[rows, 3:] - np.einsum("rt,rjt->rj", found.force[rows, :3], by_arm[of])
+    # A motion that is not tried has no force about any place.
+    own *= abs(found.motions[3:]).max(axis=1) > _NO_FORCE
     sprung = ~_any(~turning & (abs(own).max(axis=1) > limit), of, ids.size)
     whole = _whole(body, ids, A)
     wrong = resists & ~pushed & across & whole
     proven = ~resists | (pushed & sprung) | (~pushed & ~across)
     return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong])
+
+
+def _without_rows(dofs: DofTable) -> DofTable | None:
+    """Translations that no node has among its rows, of every node; None if some nodes have each."""
+    ids = np.unique(dofs.node[dofs.component > 0])
+    none = np.setdiff1d([1, 2, 3], dofs.component).astype(np.int8)
+    return DofTable(np.repeat(ids, none.size), np.tile(none, ids.size)) if none.size else None
+
+
+def _in_plane(found: RigidResidual, xyz: NDArray[np.float64]) -> RigidResidual | None:
+    """Forces under the motions in a plane, by translation and rotation along each axis, zero for the other motions.
+
+    None if the admissible motions are not those of a plane across an axis, or if nodes (N, 3) lie above one another, so
+    that these motions do not tell them apart.
+    """
+    own = found.motions @ found.motions.T
+    kept = own.diagonal() > 1 - _NO_FORCE
+    aligned = abs(own - np.diag(kept.astype(np.float64))).max() <= _NO_FORCE
+    if not aligned or np.count_nonzero(kept[:3]) != 2 or not kept[3:][~kept[:3]].all():
+        return None
+    places = np.round(xyz[:, kept[:3]] / found.length, _DIGITS)
+    if len(np.unique(places, axis=0)) < len(places):
+        return None
+    return replace(found, motions=own, force=found.force @ found.motions.T)
 
 
 def _any(rows: NDArray[np.bool_], of: NDArray[np.int64], count: int) -> NDArray[np.bool_]:

@@ -263,7 +263,14 @@ def _not_proven(body: FEModel, nodes: NDArray[np.int64], share: NDArray[np.float
 def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
     """Proof of a body that the ground holds: the nodes away from the ground must resist no rigid motion."""
     held = held_rows(body, nodes, condensed)
-    found, total = held.found, held.proven.size + held.held.size + held.wrong.size
+    total = held.proven.size + held.held.size + held.wrong.size
+    across = False
+    if held.wrong.size or held.proven.size < _FREE_SHARE * total:
+        flat = held_rows(body, nodes, condensed, in_plane=True)
+        across = flat.proven.size >= _FREE_SHARE * total and not flat.wrong.size
+        # Condensation moves dofs without rows, too.
+        held = flat if across and not condensed else held
+    found = held.found
     loaded, share = _loaded_nodes(body, found)
     why = "single-point constraints hold" if not body.grounded else "the ground holds"
     few = not held.proven.size or held.proven.size < _FREE_SHARE * total
@@ -286,6 +293,12 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
         failure = Failure(body, nodes, found, condensed, held.wrong)
         if (cause := hourglass_stiffness(failure) or preload(failure)) is not None:
             raise DofMapError(f"{head}. Likely cause: {cause}")
+        if across:
+            raise DofMapError(
+                f"{head}. Likely cause: no node has a row across one plane, and motions in that plane cost no force: "
+                "supports hold the nodes across it, which the geometry does not say. State them (345 in the field PS "
+                "of GRID, or SPC1), or leave nodes without any row out of the geometry"
+            )
         raise DofMapError(
             f"{head}. Likely cause: {why} the body, but these nodes resist rotation and no translation, which no "
             "support does: rows are shuffled among nodes, the coordinates are of another model, or springs join "

@@ -23,6 +23,7 @@ from cmsreduce.read.nastran.stated import deck_statement
 from cmsreduce.verify import negative_directions
 from tests.frames import BAR, beam_matrices, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
+from tests.read.row_order.test_held_body import held_in_a_plane
 from tests.solids import block
 
 CELLS = (6, 2, 3)
@@ -426,6 +427,14 @@ def test_a_planar_body_is_compared_along_its_rows_only(tmp_path: Path) -> None:
     path.write_text(text)
     with pytest.raises(DofMapError):
         read_flexible(pipeline, "part", build_scene(pipeline))
+
+
+def test_a_body_that_supports_hold_in_a_plane_has_no_note_on_its_turning(tmp_path: Path) -> None:
+    """It floats in the plane; supports across it resist rotation out of it, and no spring joins points apart."""
+    body = replace(held_in_a_plane(stated=False, ground=False), name="part")
+    found = opened(tmp_path, body, [], "    grounded: true\n")
+    assert not any("as no support does" in each for each in found.notes)
+    assert proof_of(found, "row order").state == "proven"
 
 
 def test_grounded_does_not_hide_shuffled_rows_of_a_free_body(tmp_path: Path) -> None:

@@ -140,3 +140,49 @@ def plane_truss(xyz: list[list[float]], bars: list[tuple[int, int]], held: list[
     nodes = Nodes.in_basic(np.arange(1, len(xyz) + 1), at)
     M = sp.eye_array(kept.size, format="csc")
     return FEModel("truss", sp.csc_array(K), M, dofs[kept], nodes, constrained=dofs[gone])
+
+
+def held_in_a_plane(*, stated: bool, ground: bool = True, above: bool = False) -> FEModel:
+    """Bars in space whose nodes move in x and y and turn about z alone, on springs to the ground at two nodes."""
+    at = [[0, 0, 0], [0, 1, 0.3], [0, 2, 0.5], [1, 2, 0.9], [2, 2, 0.2], [2, 1, -0.4], [2, 0, 0.1], [1, 1, 1.0]]
+    at += [[1, 2, 2.0]] if above else [[1, 3, 2.0]]
+    body = frame("flat", at, [(1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 7), (4, 8), (8, 2), (4, 9)])
+    kept = np.flatnonzero(np.isin(body.dofs.component, [1, 2, 6]))
+    k = np.where(np.isin(body.dofs.node, [1, 7]), 1e5, 0.0)
+    K = sp.csc_array(body.K + ground * sp.diags_array(k))[kept][:, kept]
+    rest = body.dofs[np.setdiff1d(np.arange(body.n), kept)] if stated else None
+    return replace(body, K=K, M=body.M[kept][:, kept], dofs=body.dofs[kept], constrained=rest, grounded=True)
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_a_body_that_supports_hold_in_a_plane_is_proven_there(stated: bool) -> None:
+    """Motions out of the plane cost force: it was refused as shuffled or by component, or left without a proof."""
+    body = held_in_a_plane(stated=stated)
+    proof = prove_row_order(body)
+    assert (proof.status, proof.motions) == ("proven", 0) and "the ground holds the body" in proof.remark
+    for a, b in ((3, 5), (2, 8), (4, 9)):
+        wrong = exchanged(body, a, b)
+        if stated:
+            assert prove_row_order(wrong).status == "grounded"
+        else:
+            with pytest.raises(DofMapError, match="resist rotation and no translation"):
+                prove_row_order(wrong)
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_nodes_above_one_another_are_not_told_apart_in_a_plane(stated: bool) -> None:
+    body = held_in_a_plane(stated=stated, above=True)
+    if stated:
+        assert prove_row_order(body).status == "grounded"
+    else:
+        with pytest.raises(DofMapError, match="Likely cause"):
+            prove_row_order(body)
+
+
+def test_nodes_without_rows_leave_supports_across_a_plane_to_be_stated() -> None:
+    """They look condensed, and condensed dofs move with a rigid motion."""
+    body = held_in_a_plane(stated=False)
+    kept = ~np.isin(body.dofs.node, [1, 7])
+    rows = replace(body, K=body.K[kept][:, kept], M=body.M[kept][:, kept], dofs=body.dofs[kept])
+    with pytest.raises(DofMapError, match=r"no node has a row across one plane.*345 in the field PS of GRID"):
+        prove_row_order(rows)
