@@ -16,7 +16,17 @@ from cmsreduce.read.ansys import FULL_FILE, NODE_FILE, NODE_LISTING, is_row_mapp
 from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE, SUBSTRUCTURE
 from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
 from cmsreduce.read.formats import GeometryFormat, MatrixFormat
-from cmsreduce.read.matrices import FREEFEM, HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC, is_hdf5
+from cmsreduce.read.matrices import (
+    FREEFEM,
+    HARWELL_BOEING,
+    MATLAB,
+    MATRIX_MARKET,
+    NPY,
+    NPZ,
+    PETSC,
+    PLANE_FREEFEM,
+    is_hdf5,
+)
 from cmsreduce.read.mesh import UNIVERSAL
 from cmsreduce.read.nastran import BULK_DATA, DMIG, EXTERNAL_SUPERELEMENT, OP2, OP2_GEOMETRY, OP4
 
@@ -109,7 +119,8 @@ def _matches(pattern: bytes) -> Callable[[bytes], bool]:
     return lambda head: b"\0" not in head and found.search(head) is not None
 
 
-_MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf))"
+_XML = rb"(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf)"
+_MESH = rb"\A\s*(?:\$MeshFormat|MeshVersionFormatted\b|# vtk |solid |OFF\b|ply\b|" + _XML + rb")"
 # MBDyn reads by record groups, and some writers have other words before them.
 _MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:(?:\*\*[^\n]*|[^\S\n]*)\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
 _SID = rb"^[^\S\n]*part[^\S\n]*\n\s*new modal\b"
@@ -151,6 +162,7 @@ _MARKS = (
         _matches(rb"^[^\S\n]*COOR_[23]D\b"),
         "write the mesh as MED (IMPR_RESU, FORMAT='MED')",
     ),
+    _Mark("freefem-mesh", "a plane mesh of FreeFEM", _matches(PLANE_FREEFEM), "write it as .vtu (savevtk of iovtk)"),
     _Mark("mfem-mesh", "a mesh of MFEM", _matches(rb"\AMFEM\b.*\bmesh v"), "write it as VTK (PrintVTK)"),
     _Mark("mfem", "a text of MFEM's Print", _matches(rb"\A\[row 0\]"), "write it with PrintMM"),
     _Mark(

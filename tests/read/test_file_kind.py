@@ -63,6 +63,7 @@ CONTENT = {
     "frd": b"    1C\n    1UUSER\n    2C                             1                                     1\n",
     "inp": b"*HEADING\na bracket\n*NODE\n1, 0., 0., 0.\n",
     "freefem": printed(K).encode(),
+    "freefem-mesh": b"4 2 4\n0 0 4\n1 0 1\n0 0.125 1\n1 0.125 3\n1 2 4 0\n1 4 3 0\n1 2 1\n",
     "mfem-mesh": b"MFEM mesh v1.0\n\n#\n# MFEM Geometry Types (see fem/geom.hpp):\n",
     "mfem": b"[row 0]\n (1,-1.5) (0,4486419753.086419)\n[row 1]\n (0,-1.5) (1,3)\n",
     "f06": b"1\n \n      * * *  N A S T R A N  * * *\nGRID     1     0.   0.   0.\n",
@@ -115,6 +116,15 @@ def test_a_file_is_what_its_content_says(tmp_path: Path, name: str, suffix: str)
         assert str(path) in said and "\n" not in said
         if name not in ("empty", "unknown"):
             assert f"this is {kind.words}, which holds no " in said
+
+
+def test_a_medit_mesh_that_meshio_cannot_read_is_a_mesh(tmp_path: Path) -> None:
+    """FreeFEM's meshes in a plane have sections of their own; the message spoke of matrices."""
+    path = tmp_path / "plate.mesh"
+    path.write_text("MeshVersionFormatted 1\n\nDimension\n2\n\nSubDomainFromGeom\n1\n2 1 1 0\n\nEnd\n")
+    assert file_kind(path).geometry == "mesh"
+    with pytest.raises(ReadError, match=r"Unknown keyword 'SubDomainFromGeom'.*If it is a mesh, write it as \.vtu"):
+        read_geometry(path)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
 from cmsreduce.read.files import is_text, read_lines, read_text
 from cmsreduce.read.formats import COMPONENTS, MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size, mirrored
-from cmsreduce.read.matrices import COORDINATE, LABELLED, read_entries
+from cmsreduce.read.matrices import COORDINATE, LABELLED, PLANE_FREEFEM, read_entries
 from cmsreduce.read.printed_numbers import number_of, rounding_of_printed
 
 __all__ = ["ABAQUS", "CALCULIX", "LONGEST_ID", "dof_list_beside", "read_dof_list"]
@@ -261,7 +261,7 @@ def dof_list_beside(path: Path) -> Path | None:
 
 def _first_lines(path: Path, head: bytes) -> list[str]:
     """Lines of the head that are no comments, without the last one if the end of the head cuts it."""
-    if not is_text(head):
+    if not is_text(head) or re.match(PLANE_FREEFEM, head):
         return []
     lines = _whole_keywords(head.replace(b"\r\n", b"\n")).decode("utf-8-sig", errors="replace").splitlines()
     if any(_OTHER_KEYWORD.match(line) for line in lines):

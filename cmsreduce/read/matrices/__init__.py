@@ -4,7 +4,7 @@ Readers that return labelled matrices belong here.
 The choice of a reader by content belongs in `read.matrix`.
 """
 
-from cmsreduce.read.matrices.freefem import FREEFEM
+from cmsreduce.read.matrices.freefem import FREEFEM, PLANE_FREEFEM
 from cmsreduce.read.matrices.harwell_boeing import HARWELL_BOEING
 from cmsreduce.read.matrices.matlab import MATLAB, is_hdf5
 from cmsreduce.read.matrices.matrix_market import COORDINATE, LABELLED, MATRIX_MARKET, read_entries
@@ -21,6 +21,7 @@ __all__ = [
     "NPY",
     "NPZ",
     "PETSC",
+    "PLANE_FREEFEM",
     "is_hdf5",
     "read_entries",
 ]

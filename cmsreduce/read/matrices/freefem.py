@@ -17,7 +17,15 @@ from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size
 from cmsreduce.read.matrices.matrix_market import COORDINATE, read_entries
 from cmsreduce.read.printed_numbers import rounding_of_printed, whole_number
 
-__all__ = ["FREEFEM"]
+__all__ = ["FREEFEM", "PLANE_FREEFEM"]
+
+_NUMBER, _DECIMAL, _LABEL = rb"[-+.\deE]++[ \t]++", rb"[-+]?\d*+\.[\deE+-]*+", rb"\d++[ \t]*+\r?\n"
+PLANE_FREEFEM = (
+    rb"\A[ \t]*+\d++(?:[ \t]++\d++){2}[ \t]*+\r?\n"
+    rb"(?:[ \t]*+" + 2 * _NUMBER + _LABEL + rb"){0,99}?"
+    rb"[ \t]*+(?:" + _NUMBER + _DECIMAL + rb"|" + _DECIMAL + rb"[ \t]++[-+.\deE]++)[ \t]++" + _LABEL
+)
+"""The start of a plane mesh: counts, then x, y and a label of each node; no entry of a matrix has a decimal index."""
 
 _START = re.compile(rb"#[ \t]*HashMatrix Matrix \(COO\)")
 _HEAD = re.compile(rb"#[^\n]*\n[ \t]*#[^\n]*\n([ \t\d]*)\r?\n")

@@ -71,10 +71,14 @@ def _arrays(path: Path) -> Arrays:
 
 
 def _no_mesh(path: Path, reason: str) -> ReadError:
+    known = (
+        "CalculiX .frd, Abaqus or CalculiX .inp, NASTRAN bulk data or external superelement, ANSYS .rst, .cdb or list "
+        f"of nodes under a heading, universal files, {MESH.words}"
+    )
+    told = f". {reason.rstrip('.')}" if reason else ""
     return ReadError(
-        f"{path}: no geometry in a format that is known: CalculiX .frd, Abaqus or CalculiX .inp, NASTRAN bulk data or "
-        "external superelement, ANSYS .rst, .cdb or list of nodes under a heading, universal files, "
-        f"{MESH.words}. {reason}".rstrip()
+        f"{path}: no geometry in a format that is known: {known}{told}. If it is a mesh, write it as .vtu, or as "
+        ".msh of gmsh"
     )
 
 
