@@ -205,11 +205,22 @@ def ansys_full(path: str) -> Arrays:
     return arrays
 
 
+_MED_SOLIDS = ("hexahedron27", "pyramid13", "wedge15", "wedge18")
+_MED_KINDS = {"H27": "hexahedron27", "P18": "wedge18", "QU9": "quad9", "SE4": "line4", "TR7": "triangle7"}
+
+
 def med(path: str) -> Arrays:
     """Arrays of ``mesh`` for a MED file, and the numbers of its points if it has them."""
     import h5py
+    from meshio._mesh import topological_dimension
     from meshio.med import _med
 
+    # Elements of second order that meshio knows in other formats.
+    _med.med_to_meshio_type |= _MED_KINDS
+    topological_dimension.update({"quad9": 2, "triangle7": 2, **dict.fromkeys(_MED_SOLIDS, 3)})
+    with h5py.File(path, "r") as file:
+        if any("ESP" not in each.attrs for each in file["ENS_MAA"].values()):
+            raise ValueError("it is of MED 2: open it in Salome or code_aster, and write it again as MED 3 or later")
     # gmsh writes families without groups, at which meshio stops.
     families = _med._read_families
     _med._read_families = lambda found: families({name: one for name, one in found.items() if "GRO" in one})

@@ -11,6 +11,7 @@ import pytest
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read import detect_format, read_cells, read_geometry
+from cmsreduce.read.formats import CELL_CORNERS
 
 FRD_LONG = """    1C
     1UPGM               CalculiX
@@ -352,3 +353,31 @@ def test_sets_of_nodes_in_meshes(tmp_path: Path, suffix: str) -> None:
     assert sets["HUB"].tolist() == [1, 2, 3]
     assert suffix == "inp" or sets["BODY"].tolist() == [1, 2, 3, 4]
     assert "OTHER" not in sets
+
+
+@pytest.mark.parametrize(
+    ("kind", "corners"),
+    [("TR7", 3), ("QU9", 4), ("H27", 8), ("P18", 6), ("P15", 6), ("P13", 5), ("SE4", 2), ("TR6", 3)],
+)
+def test_elements_of_second_order_in_med_files(tmp_path: Path, kind: str, corners: int) -> None:
+    """code_aster's meshes of such elements were refused by the name of the element alone."""
+    path, count = tmp_path / "mesh.med", int(kind[-1]) if kind[0] in "TQS" else int(kind[1:])
+    points = np.random.default_rng(1).normal(size=(count, 3))
+    meshio.Mesh(points, [("line", [[0, 1]])]).write(path)
+    with h5py.File(path, "r+") as file:
+        cells = file["ENS_MAA"].visititems(lambda name, item: item if name.endswith("MAI") else None)
+        del cells["SE2"]
+        nodes = cells.create_group(kind).create_dataset("NOD", data=np.arange(1, count + 1))
+        nodes.attrs.update({"CGT": 1, "NBR": 1})
+    assert read_geometry(path).nodes.xyz.shape == (count, 3)
+    ((name, found),) = read_cells(path).items()
+    assert found.tolist() == [list(range(1, corners + 1))] and corners == CELL_CORNERS[name]
+
+
+def test_a_med_file_of_version_2_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.med"
+    meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(path)
+    with h5py.File(path, "r+") as file:
+        del next(iter(file["ENS_MAA"].values())).attrs["ESP"]
+    with pytest.raises(ReadError, match="it is of MED 2: open it in Salome or code_aster, and write it again as MED 3"):
+        read_geometry(path)
