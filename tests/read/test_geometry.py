@@ -374,6 +374,20 @@ def test_elements_of_second_order_in_med_files(tmp_path: Path, kind: str, corner
     assert found.tolist() == [list(range(1, corners + 1))] and corners == CELL_CORNERS[name]
 
 
+@pytest.mark.parametrize("components", [1, 3])
+def test_results_in_a_med_file_are_left_out(tmp_path: Path, components: int) -> None:
+    """code_aster's .rmed have fields; one of a single component was "not enough values to unpack"."""
+    path = tmp_path / "mesh.rmed"
+    field = np.ones((3, components)) if components > 1 else np.ones(3)
+    made = meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])], point_data={"DEPL": field})
+    made.write(tmp_path / "mesh.med")
+    (tmp_path / "mesh.med").rename(path)
+    with h5py.File(path, "r+") as file:
+        for each in file["CHA"].values():
+            each.attrs["NOM"] = np.bytes_("".join(name.ljust(16) for name in ("DX", "DY", "DZ")[:components]))
+    assert np.array_equal(read_geometry(path).nodes.xyz, np.eye(3))
+
+
 def test_a_med_file_of_version_2_says_so(tmp_path: Path) -> None:
     path = tmp_path / "mesh.med"
     meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(path)
