@@ -163,6 +163,7 @@ _MARKS = (
         "write the mesh as MED (IMPR_RESU, FORMAT='MED')",
     ),
     _Mark("freefem-mesh", "a plane mesh of FreeFEM", _matches(PLANE_FREEFEM), "write it as .vtu (savevtk of iovtk)"),
+    _Mark("gmsh-1", "a mesh of gmsh's version 1", _matches(rb"\A\$NOD\s"), "save it in gmsh as version 2.2 or 4.1"),
     _Mark("mfem-mesh", "a mesh of MFEM", _matches(rb"\AMFEM\b.*\bmesh v"), "write it as VTK (PrintVTK)"),
     _Mark("mfem", "a text of MFEM's Print", _matches(rb"\A\[row 0\]"), "write it with PrintMM"),
     _Mark(

@@ -64,6 +64,7 @@ CONTENT = {
     "inp": b"*HEADING\na bracket\n*NODE\n1, 0., 0., 0.\n",
     "freefem": printed(K).encode(),
     "freefem-mesh": b"4 2 4\n0 0 4\n1 0 1\n0 0.125 1\n1 0.125 3\n1 2 4 0\n1 4 3 0\n1 2 1\n",
+    "gmsh-1": b"$NOD\n3\n1 0 0 0\n2 1 0 0\n3 0 1 0\n$ENDNOD\n$ELM\n1\n1 2 0 1 3 1 2 3\n$ENDELM\n",
     "mfem-mesh": b"MFEM mesh v1.0\n\n#\n# MFEM Geometry Types (see fem/geom.hpp):\n",
     "mfem": b"[row 0]\n (1,-1.5) (0,4486419753.086419)\n[row 1]\n (0,-1.5) (1,3)\n",
     "f06": b"1\n \n      * * *  N A S T R A N  * * *\nGRID     1     0.   0.   0.\n",
