@@ -11,7 +11,7 @@ import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.sparse import factorise, hand_down_order, share_order
-from cmsreduce.model import CONDENSATION, PRINTED, FEModel, entry_errors
+from cmsreduce.model import CONDENSATION, DOUBLE, PRINTED, FEModel, entry_errors
 
 __all__ = ["Contrast", "Grounding", "LightDofs", "grounding", "light_dofs", "negative_directions", "stiffness_contrast"]
 
@@ -23,6 +23,8 @@ Indices = NDArray[np.int64]
 _NEARLY = 1e-8
 # Unconnected parts of a matrix that are factorised one by one.
 _PARTS = 12
+# Of the largest entry: a dof without mass, such as the stretch of a knot, is left with so much where masses cancel.
+_CANCELLED = 4 * DOUBLE
 
 
 def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integer[Any]] | None = None) -> int | None:
@@ -45,9 +47,11 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integ
         diagonal entry makes up for all of them.
     """
     own, count = abs(A.diagonal()), 0
-    scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
+    # Entries below it are what cancelled when the matrix was assembled, of either sign.
+    least = _CANCELLED * own.max(initial=0.0)
+    scale = 1 / np.sqrt(np.where(own > 0, np.maximum(own, least), own.max(initial=0.0) or 1.0))
     for rows, inner, copies in _different_parts(A, kind):
-        raised = _raised(inner, scale[rows], rounding)
+        raised = _raised(inner, scale[rows], rounding, least)
         order = share_order(raised if inner is A else A, borrowed=True)
         if inner is not A and order is not None:
             hand_down_order(raised, rows, order)
@@ -58,13 +62,13 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integ
     return count
 
 
-def _raised(A: sp.csc_array, scale: Array, rounding: float) -> sp.csc_array:
-    """A matrix with its rows and columns scaled, and its diagonal raised by its rounding."""
+def _raised(A: sp.csc_array, scale: Array, rounding: float, least: float) -> sp.csc_array:
+    """A matrix with its rows and columns scaled, and its diagonal raised by its rounding: before scaling ``least``."""
     counts = np.diff(A.indptr)
     data = A.data * scale[A.indices]
     data *= np.repeat(scale, counts)
     unit = sp.csc_array((data, A.indices, A.indptr), shape=A.shape)
-    by = np.full(A.shape[0], max(CONDENSATION, PRINTED * rounding))
+    by = np.maximum(least * scale**2, max(CONDENSATION, PRINTED * rounding))
     if PRINTED * rounding * counts.max(initial=0) > CONDENSATION:
         errors = entry_errors(A.data, rounding) * scale[A.indices] * np.repeat(scale, counts)
         by = np.maximum(by, np.bincount(A.indices, errors, A.shape[0]))

@@ -158,6 +158,19 @@ def test_motions_of_negative_energy_are_counted(weakened: float, count: int) -> 
     assert negative_directions(body.M, 2.0**-53) == 0
 
 
+@pytest.mark.parametrize(("left", "count"), [(2.6e-18, 0), (-2.6e-18, 0), (-1e-13, 1)])
+def test_masses_that_cancelled_are_no_negative_energy(left: float, count: int) -> None:
+    """Elements of one point give a stretch of their nodes no mass but the rounding of what cancels, of either sign."""
+    bars = np.zeros((7, 7))
+    for i in range(5):
+        bars[i : i + 2, i : i + 2] += 0.125
+    bars[6, 6] = left
+    bars[6, :6] = bars[:6, 6] = 4e-19
+    assert negative_directions(sp.csc_array(bars), 2.0**-53) == count
+    # So it is where another unit makes the mass a million times smaller.
+    assert negative_directions(sp.csc_array(1e-6 * bars), 2.0**-53) == count
+
+
 @pytest.mark.parametrize(("changed", "count"), [((), 0), ((0, 1, 2), 3), ((1,), 1)])
 def test_equal_parts_of_a_mass_are_counted_each(changed: tuple[int, ...], count: int) -> None:
     """The mass of a solid in x, y and z is one matrix three times, unless one of them is wrong."""
