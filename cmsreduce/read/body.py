@@ -195,7 +195,8 @@ def read_body(
     try:
         return prove_row_order(body).estimated(body)
     except DofMapError as error:
-        beyond = _LAST_NUMBERS if calculix and (dofs.component == SCALAR).any() else ""
+        by_deck = shape is not None and shape.path.suffix.lower() == ".inp"
+        beyond = _LAST_NUMBERS if calculix and not by_deck and (dofs.component == SCALAR).any() else ""
         raise DofMapError(f"{error}{beyond}") from error
 
 

@@ -316,6 +316,30 @@ def test_hourglass_stiffness_of_shells_and_beams_is_named(tmp_path, kind, other)
     assert prove_row_order(read(tmp_path)).motions == 6
 
 
+@pytest.mark.parametrize("bound", ["mass", "rigid"])
+def test_hourglass_stiffness_beside_constraints_is_named(tmp_path, bound):
+    """A mass on a shell, or a rigid edge, brings forces of the elements to further rows; shuffled rows are none."""
+    text, tip = bent_out_of_plane("S4R"), Deck().plate("S4R", (4, 3), (0, 0, 0), (1, 0, 0), (0, 0.6, 0)).at(1)
+    if bound == "mass":
+        text += f"*ELEMENT, TYPE=MASS, ELSET=LUMP\n9001, {tip[1]}\n*MASS, ELSET=LUMP\n0.7\n"
+    else:
+        text = text.replace("*ELEMENT", "900, 1.2, 0.3, 0.\n*ELEMENT", 1)
+        text += "*NSET, NSET=TIP\n" + "".join(f"{n},\n" for n in tip) + "*RIGID BODY, NSET=TIP, REF NODE=900\n"
+    solve(tmp_path, "bar", text, matrices=True)
+    with pytest.raises(CmsReduceError, match=r"the 12 S4R of .* make these forces.*with S8R or S4") as named:
+        read(tmp_path)
+    assert "geometry must be the .inp" not in str(named.value)
+    listed = (tmp_path / "bar.dof").read_text().split()
+    # Rows of two nodes inside, each of two nodes of a solid.
+    first, other = sorted({label.split(".")[0] for label in listed}, key=int)[:2]
+    new = {first: other, other: first}
+    lines = (".".join((new.get(node, node), dof)) for node, dof in (line.split(".") for line in listed))
+    (tmp_path / "bar.dof").write_text("\n".join(lines) + "\n")
+    with pytest.raises(CmsReduceError, match="not proven") as shuffled:
+        read(tmp_path)
+    assert "S4R" not in str(shuffled.value)
+
+
 POINTS = """\
 name: bar1
 output: out

@@ -55,8 +55,8 @@ def test_sections(tmp_path, section, old, new):
     ("kind", "offset"),
     [("S4", ""), ("S4", "OFFSET"), ("S8R", "OFFSET"), ("B31", ""), ("B31", "OFFSET1"), ("B32R", "OFFSET1")],
 )
-@pytest.mark.parametrize("keyword", ["EQUATION", "CLOAD", "both"])
-def test_nodes_of_shells_and_beams_that_loads_and_equations_name_keep_rows(tmp_path, kind, offset, keyword):
+@pytest.mark.parametrize("keyword", ["EQUATION", "CLOAD", "both", "MASS"])
+def test_nodes_of_shells_and_beams_that_loads_masses_and_equations_name_keep_rows(tmp_path, kind, offset, keyword):
     """CalculiX keeps such a node beside those that it becomes, with rows of their mean motion."""
     if kind[0] == "S":
         deck = Deck().plate(kind, (4, 2), (0, 0, 0), (1, 0, 0), (0, 0.4, 0))
@@ -66,10 +66,12 @@ def test_nodes_of_shells_and_beams_that_loads_and_equations_name_keep_rows(tmp_p
     text = deck.text()
     if offset:
         text = re.sub(r"(\*(?:SHELL|BEAM) SECTION)", rf"\1, {offset}=0.5", text)
-    if keyword != "CLOAD":
+    if keyword == "MASS":
+        text += f"*ELEMENT, TYPE=MASS, ELSET=LUMP\n9001, {middle}\n9002, {tip}\n*MASS, ELSET=LUMP\n0.7\n"
+    if keyword in ("EQUATION", "both"):
         # In line, so that rigid motion satisfies it; over two lines.
         text += f"*EQUATION\n3\n{root}, 2, 1.d0, {middle}, 2, -2.,\n{tip}, 2, 1.\n"
-    if keyword != "EQUATION":
+    if keyword in ("CLOAD", "both"):
         text += f"*NSET, NSET=LOADED\n{tip},\n*STEP\n*STATIC\n*CLOAD\nLOADED, 3, 0.1\n{middle}, 1, 0.1\n*END STEP\n"
     solve(tmp_path, "bar", text, matrices=True)
     found = read(tmp_path)

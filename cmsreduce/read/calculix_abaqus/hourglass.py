@@ -9,7 +9,7 @@ parallel, these vectors see linear motion along x and y, and so rotation.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +34,9 @@ _CUBE = SOLIDS["C3D8"]
 _POINTS = 2
 
 
-def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) -> tuple[list[Array], Mapping[str, int]]:
+def hourglass_forces(
+    path: Path, dofs: DofTable, nodes: Nodes, shapes: Array
+) -> tuple[list[Array], NDArray[np.bool_], Mapping[str, int]]:
     """Forces of the hourglass stiffness under some motions, up to the modulus of elasticity of each section.
 
     Parameters
@@ -50,6 +52,9 @@ def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) ->
     -------
     forces : list of (n, m) float64
         One for each section with such elements.
+    whole : (n,) bool
+        True for rows that have all forces of their elements, and no others: rigid bodies, ties and masses on shells
+        leave out rows, whose forces they bring to other nodes.
     count : mapping of str to int
         Number of these elements, by label: shells and beams of one point became C3D8R, too.
     """
@@ -58,7 +63,7 @@ def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) ->
         sets = deck_sets(deck, {"C3D8": _CORNERS, **_EXPANDED})
         expansion = expansion_beside(path)
     except (ReadError, ValueError):
-        return [], {}
+        return [], np.zeros(len(dofs), dtype=bool), {}
     reduced = {
         number: (_KIND, corners)
         for block in deck
@@ -71,7 +76,18 @@ def hourglass_forces(path: Path, dofs: DofTable, nodes: Nodes, shapes: Array) ->
     sections = [block.option("ELSET") for block in deck if block.keyword in _SECTIONS]
     groups = [[reduced[one][1] for one in sets.elements.get(name, ()) if one in reduced] for name in sections]
     forces = [_of_section(np.array(group), dofs, nodes, shapes) for group in groups if group]
-    return forces, Counter(label for label, _ in reduced.values())
+    beside = () if expansion is None else expansion.nodes.values()
+    whole = np.isin(dofs.node, list(_whole([one for _, one in reduced.values()], beside, dofs)))
+    return forces, whole, Counter(label for label, _ in reduced.values())
+
+
+def _whole(elements: Sequence[tuple[int, ...]], beside: Iterable[tuple[int, ...]], dofs: DofTable) -> set[int]:
+    """Corners of elements whose corners all have rows, and so have the nodes that stem from one node with them."""
+    corners = sorted({node for element in elements for node in element})
+    rows = dofs.rows(np.repeat(corners, 3), np.tile([1, 2, 3], len(corners))).reshape(-1, 3)
+    free = {node for node, own in zip(corners, rows, strict=True) if (own >= 0).all()}
+    bound = {node for group in (*elements, *beside) if not free.issuperset(group) for node in group}
+    return free - bound
 
 
 def _of_section(corners: NDArray[np.int64], dofs: DofTable, nodes: Nodes, shapes: Array) -> Array:

@@ -211,9 +211,10 @@ def _with_rows(path: Path, deck: list[Block], nodes: Coordinates, rounding: floa
     if expansion is not None:
         made = expanded_places(deck, nodes, sets, expansion)
         expanded = {element.number for element in expansion.elements}
-        solid = {node for number, of in sets.topology.items() if number not in expanded for node in of}
+        others = [of for number, of in sets.topology.items() if number not in expanded]
+        points, solid = ({node for of in others if (len(of) > 2) == large for node in of} for large in (False, True))
         moved = set(expansion.nodes) - solid - set(expansion.knots)
-        kept_ones = nodes_with_own_rows(deck, sets) | {node for node, _ in held}
+        kept_ones = nodes_with_own_rows(deck, sets) | points | {node for node, _ in held}
         gone |= moved - kept_ones
         # With an offset, they are not where the deck has them.
         middles = {node: _middle(made, expansion.nodes[node]) for node in moved & kept_ones}

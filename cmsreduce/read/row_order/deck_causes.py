@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel
 from cmsreduce.read.calculix_abaqus import hourglass_forces, preload_step
 
 if TYPE_CHECKING:
     from cmsreduce.read.row_order.likely_cause import Failure
+    from cmsreduce.read.row_order.rigid_residual import RigidResidual
 
 __all__ = ["hourglass_stiffness", "preload"]
 
@@ -26,19 +29,14 @@ _BY_STRESS = 1e-2
 def hourglass_stiffness(case: Failure) -> str | None:
     """The stiffness by which CalculiX holds hourglasses resists rotation: its forces are those found."""
     body, found = case.body, case.found
-    rows = np.flatnonzero((found.excess > 1) & np.isin(body.dofs.node, case.loaded))
+    loaded = (found.excess > 1) & np.isin(body.dofs.node, case.loaded)
     deck = _input_file(body)
-    if deck is None or not rows.size:
+    if deck is None or not loaded.any():
         return None
-    parts, count = hourglass_forces(deck, body.dofs, case.nodes, found.shapes)
-    if not parts:
-        return None
-    columns = np.array([part[rows].ravel() for part in parts]).T
-    force = found.force[rows]
-    size = np.linalg.norm(columns, axis=0)
-    moduli = np.linalg.lstsq(columns / np.where(size > 0, size, 1.0), force.ravel(), rcond=None)[0]
-    left = abs(force - (columns / np.where(size > 0, size, 1.0) @ moduli).reshape(force.shape)).max(axis=1)
-    if (left * found.excess[rows] > _MORE_THAN_ROUNDING * abs(force).max(axis=1)).any():
+    parts, whole, count = hourglass_forces(deck, body.dofs, case.nodes, found.shapes)
+    # Constraints bring forces to nodes of their own; the others show the cause if they are most of the loaded ones.
+    most = (loaded & whole).sum() > loaded.sum() / 2
+    if not parts or not (_explained(found, loaded, parts) or (most and _explained(found, loaded & whole, parts))):
         return None
     named = " and ".join(f"{number} {label}" for label, number in count.items())
     others = " and ".join(dict.fromkeys(_FULL.get(label, _FULL["C3D8R"]) for label in count))
@@ -48,6 +46,18 @@ def hourglass_stiffness(case: Failure) -> str | None:
         "hourglasses. Where opposite faces of such a solid are not parallel, as in a warped shell, it resists rigid "
         f"rotation, in any order of the rows. Write the matrices again with {others} in their place"
     )
+
+
+def _explained(found: RigidResidual, loaded: NDArray[np.bool_], parts: Sequence[NDArray[np.float64]]) -> bool:
+    """True if forces on the rows that are loaded are those of the parts, each times a modulus."""
+    rows = np.flatnonzero(loaded)
+    columns = np.array([part[rows].ravel() for part in parts]).T
+    force = found.force[rows]
+    size = np.linalg.norm(columns, axis=0)
+    columns /= np.where(size > 0, size, 1.0)
+    moduli = np.linalg.lstsq(columns, force.ravel(), rcond=None)[0]
+    left = abs(force - (columns @ moduli).reshape(force.shape)).max(axis=1)
+    return not (left * found.excess[rows] > _MORE_THAN_ROUNDING * abs(force).max(axis=1)).any()
 
 
 def preload(case: Failure) -> str | None:
