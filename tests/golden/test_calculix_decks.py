@@ -10,12 +10,12 @@ from click.testing import CliRunner
 
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
-from cmsreduce.errors import ReadError, SceneError
+from cmsreduce.errors import CmsReduceError, ReadError, SceneError
 from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.pipeline.evidence.deck_agreement import statement_of
 from cmsreduce.read import MatrixSource, prove_row_order, read_geometry, read_parameter_matrix
-from tests.golden.calculix_bodies import Deck, body, solve
+from tests.golden.calculix_bodies import Deck, body, halves, solve
 from tests.golden.test_calculix_bodies import frequencies, read
 
 pytestmark = pytest.mark.ccx
@@ -192,6 +192,26 @@ def test_a_mass_that_calculix_leaves_out_is_named(tmp_path):
         np.testing.assert_allclose(frequencies(body)[:3], modes[6:9], rtol=1e-6)
     assert found[min(tip)].remarks == ()
     assert re.search(rf"leaves the mass at node {lead} out of its matrices", "".join(found[lead].remarks))
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_equations_between_nodes_apart_are_named(tmp_path, held):
+    """Halves that equations join across a gap of 0.02 resist rotation; shuffled rows beside such a deck are no gap."""
+    deck = halves("equation")
+    deck.nodes = {(layer, x + 0.02 * layer, y, z): n for (layer, x, y, z), n in deck.nodes.items()}
+    deck.nset("ROOT", deck.at(0))
+    text = deck.text() + held * "*BOUNDARY\nROOT, 1, 3\n"
+    solve(tmp_path, "bar", text, matrices=True)
+    with pytest.raises(
+        CmsReduceError, match=r"\*EQUATION of nodes \d+, \d+, which lie 0\.02 apart, and 17 more do not"
+    ):
+        read(tmp_path)
+    first, second = (f"{node}." for node in deck.at(0.5 / 3, layer=0)[-2:])
+    labels = (tmp_path / "bar.dof").read_text().replace(first, "x.").replace(second, first).replace("x.", second)
+    (tmp_path / "bar.dof").write_text(labels)
+    with pytest.raises(CmsReduceError, match="not proven") as shuffled:
+        read(tmp_path)
+    assert "EQUATION" not in str(shuffled.value)
 
 
 def test_a_row_of_single_solids_of_reduced_integration_is_named(tmp_path):

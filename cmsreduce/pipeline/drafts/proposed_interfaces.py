@@ -96,10 +96,10 @@ def _sets(body: FEModel) -> Iterator[Place]:
 
 
 def _first_grid(body: FEModel, expanded: Mapping[int, tuple[int, ...]], loose: frozenset[int]) -> Iterator[Place]:
-    """The first node with most dofs; of those that a node of a shell became, the middle one."""
+    """The first node with most dofs, one that moves if any does; of those that a node became, the middle one."""
     if not (components := components_of(body)):
         return
-    node = max(components, key=lambda each: (each not in loose, len(components[each])))
+    node = max(components, key=lambda at: (at not in loose, min(components[at]) <= _TRANSLATIONS, len(components[at])))
     own, ids = next(((own, ids) for own, ids in expanded.items() if node in ids), (node, (node,)))
     ids = tuple(one for one in ids if one in components)
     node = ids[len(ids) // 2]

@@ -4,6 +4,7 @@ The text formats of these two programs belong here.
 The reader of other programs' meshes belongs in `read.geometry`.
 """
 
+from cmsreduce.read.calculix_abaqus.constraints import equations
 from cmsreduce.read.calculix_abaqus.decks import preload_step
 from cmsreduce.read.calculix_abaqus.expansion import expanded_node, expansion_beside
 from cmsreduce.read.calculix_abaqus.hourglass import hourglass_forces
@@ -18,6 +19,7 @@ __all__ = [
     "INPUT_FILE",
     "SUBSTRUCTURE",
     "dof_list_beside",
+    "equations",
     "expanded_node",
     "expansion_beside",
     "hourglass_forces",

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets, element_nodes
+from cmsreduce.model import DofTable
+from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets, blocks, deck_sets, element_nodes
 from cmsreduce.read.printed_numbers import whole_number
 
 __all__ = [
+    "equations",
     "lost_masses",
     "nodes_with_own_rows",
     "places_of_means",
@@ -151,14 +155,34 @@ def nodes_with_own_rows(deck: Sequence[Block], sets: DeckSets) -> set[int]:
         if block.keyword == "CLOAD":
             found.update(node for fields in block.rows for node in sets.nodes_of(fields[0]))
         elif block.keyword == "EQUATION":
-            # The number of terms, then node, component and coefficient of each, on one line or more.
-            numbers, at = [text for fields in block.rows for text in fields if text], 0
-            while at < len(numbers):
-                terms = whole_number(numbers[at])
-                end = at + 1 + 3 * (len(numbers) if terms is None else max(terms, 0))
-                found.update(node for text in numbers[at + 1 : end : 3] for node in sets.nodes_of(text))
-                at = end
+            found.update(node for terms in _terms(block) for text in terms[::3] for node in sets.nodes_of(text))
     return found
+
+
+def equations(path: Path) -> list[tuple[str, DofTable, NDArray[np.float64]]]:
+    """Place, dofs and coefficients of each *EQUATION of a deck whose terms are single nodes."""
+    found = []
+    deck = list(blocks(path))
+    sets = deck_sets(deck, {})
+    for block in deck:
+        for terms in _terms(block) if block.keyword == "EQUATION" else ():
+            nodes = [sets.nodes_of(text.rpartition(".")[2]) for text in terms[::3]]
+            with suppress(ValueError):
+                factors = np.array([float(text.replace("D", "E")) for text in terms[2::3]])
+                if all(len(each) == 1 for each in nodes) and len(factors) == len(nodes):
+                    dofs = DofTable(np.array(nodes, np.int64).ravel(), np.array(terms[1::3]).astype(np.int8))
+                    found.append((block.where, dofs, factors))
+    return found
+
+
+def _terms(block: Block) -> Iterator[list[str]]:
+    """Node, component and coefficient of each term of the equations of a block, which follow their number of terms."""
+    numbers, at = [text for fields in block.rows for text in fields if text], 0
+    while at < len(numbers):
+        count = whole_number(numbers[at])
+        end = at + 1 + 3 * (len(numbers) if count is None else max(count, 0))
+        yield numbers[at + 1 : end]
+        at = end
 
 
 def _components(block: Block, fields: list[str]) -> list[int]:

@@ -1,4 +1,4 @@
-"""Likely causes of forces against rigid motion that the deck shows: hourglass stiffness, and the stress of a load."""
+"""Likely causes of forces against rigid motion that the deck shows: equations, hourglasses, the stress of a load."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import FEModel
-from cmsreduce.read.calculix_abaqus import hourglass_forces, preload_step
+from cmsreduce.errors import ReadError
+from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.read.calculix_abaqus import equations, hourglass_forces, preload_step
 
 if TYPE_CHECKING:
     from cmsreduce.read.row_order.likely_cause import Failure
     from cmsreduce.read.row_order.rigid_residual import RigidResidual
 
-__all__ = ["hourglass_stiffness", "preload"]
+__all__ = ["deck_cause"]
 
 # Elements without hourglasses, in place of those of one point.
 _FULL = {"C3D8R": "C3D8I or C3D8", "S4R": "S8R or S4", "B31R": "B32R or B31"}
@@ -24,9 +25,16 @@ _FULL = {"C3D8R": "C3D8I or C3D8", "S4R": "S8R or S4", "B31R": "B32R or B31"}
 _MORE_THAN_ROUNDING = 10.0
 # Relative to the stiffness: a stress changes it by the strain that belongs to it, and rows in disorder by more.
 _BY_STRESS = 1e-2
+# Of the terms of an equation: rigid motion that leaves less satisfies it.
+_SATISFIED = 1e-6
 
 
-def hourglass_stiffness(case: Failure) -> str | None:
+def deck_cause(case: Failure) -> str | None:
+    """The first cause of the deck that explains why a stiffness resists rigid motion, and the remedy."""
+    return _equations_between_apart_nodes(case) or _hourglass_stiffness(case) or _preload(case)
+
+
+def _hourglass_stiffness(case: Failure) -> str | None:
     """The stiffness by which CalculiX holds hourglasses resists rotation: its forces are those found."""
     body, found = case.body, case.found
     loaded = (found.excess > 1) & np.isin(body.dofs.node, case.loaded)
@@ -48,6 +56,40 @@ def hourglass_stiffness(case: Failure) -> str | None:
     )
 
 
+def _equations_between_apart_nodes(case: Failure) -> str | None:
+    """Equations of the deck that rotation of the whole body breaks: motions that break none cost no force."""
+    deck, found = _input_file(case.body), case.found
+    broken: list[tuple[str, NDArray[np.int64], NDArray[np.float64]]] = []
+    try:
+        stated = [] if deck is None else equations(deck)
+    except (ReadError, ValueError):
+        return None
+    for where, dofs, factors in stated:
+        if dofs.node.size < 2 or (case.nodes.index(dofs.node) < 0).any():
+            continue
+        terms = factors[:, None] * rigid_body_shapes(dofs, case.nodes, found.centre) / np.repeat([1, found.length], 3)
+        left = terms.sum(axis=0)
+        off = _SATISFIED + case.nodes.xyz_rounding / found.length
+        if (abs(left) > off * abs(factors).sum()).any():
+            broken.append((where, dofs.node, left @ found.motions))
+    if not broken:
+        return None
+    size, motions = np.linalg.svd(np.array([left for *_, left in broken]))[1:]
+    kept = motions[(size > _SATISFIED * size[0]).sum() :]
+    rows = (found.excess > 1) & np.isin(case.body.dofs.node, case.loaded)
+    limit = abs(found.force[rows]).max(axis=1) / found.excess[rows]
+    if (abs(found.force[rows] @ kept.T) > _MORE_THAN_ROUNDING * limit[:, None]).any():
+        return None
+    where, nodes, _ = broken[0]
+    more = f" and {len(broken) - 1} more do" if len(broken) > 1 else " does"
+    apart = float(np.ptp(case.nodes.xyz[case.nodes.index(nodes)], axis=0).max())
+    return (
+        f"{where} of nodes {', '.join(map(str, dict.fromkeys(nodes.tolist())))}, which lie {apart:.3g} apart,{more} "
+        "not hold under rotation of the whole body, which therefore costs force, in any order of the rows. Join "
+        "coincident nodes, or join bodies by a rigid body or a tie of surfaces that touch"
+    )
+
+
 def _explained(found: RigidResidual, loaded: NDArray[np.bool_], parts: Sequence[NDArray[np.float64]]) -> bool:
     """True if forces on the rows that are loaded are those of the parts, each times a modulus."""
     rows = np.flatnonzero(loaded)
@@ -60,7 +102,7 @@ def _explained(found: RigidResidual, loaded: NDArray[np.bool_], parts: Sequence[
     return not (left * found.excess[rows] > _MORE_THAN_ROUNDING * abs(force).max(axis=1)).any()
 
 
-def preload(case: Failure) -> str | None:
+def _preload(case: Failure) -> str | None:
     """Stress of a load resists rotation: the deck has a perturbation step, and the forces are small."""
     deck, found = _input_file(case.body), case.found
     rows = (found.excess > 1) & np.isin(case.body.dofs.node, case.loaded)

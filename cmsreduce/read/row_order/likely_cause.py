@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import DofTable, FEModel, Nodes, entry_errors, last_digits
-from cmsreduce.read.row_order.deck_causes import hourglass_stiffness, preload
+from cmsreduce.read.row_order.deck_causes import deck_cause
 from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
 from cmsreduce.read.row_order.places_by_motion import other_labels
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
@@ -90,8 +90,7 @@ def shuffled_nodes(case: Failure) -> str | None:
 def likely_cause(case: Failure) -> str:
     """The first cause that explains why a stiffness matrix resists rigid motion, and the remedy."""
     causes: tuple[Callable[[Failure], str | None], ...] = (
-        hourglass_stiffness,
-        preload,
+        deck_cause,
         _displacements_in_basic,
         _axes_of_others,
         _order_of_appearance,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes
-from cmsreduce.read.row_order.deck_causes import hourglass_stiffness, preload
+from cmsreduce.read.row_order.deck_causes import deck_cause
 from cmsreduce.read.row_order.held_body import held_rows
 from cmsreduce.read.row_order.likely_cause import (
     Failure,
@@ -291,7 +291,7 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
         worst = rows[found.excess[rows].argmax()]
         head = _not_proven(body, loaded[order], share[order], float(found.allowed[worst]))
         failure = Failure(body, nodes, found, condensed, held.wrong)
-        if (cause := hourglass_stiffness(failure) or preload(failure)) is not None:
+        if (cause := deck_cause(failure)) is not None:
             raise DofMapError(f"{head}. Likely cause: {cause}")
         if across:
             raise DofMapError(

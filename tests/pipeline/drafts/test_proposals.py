@@ -36,6 +36,20 @@ def test_the_far_sensor_is_where_all_its_axes_are() -> None:
     assert set(body.dofs.component[body.dofs.node == draft.far].tolist()) == {1, 2, 3}
 
 
+def test_a_node_that_only_turns_is_no_mount() -> None:
+    """Equations may lead the translations of a rigid body's node, so that its rotations alone have rows."""
+    body = block("body", (0.1, 0.06, 0.1), (1, 1, 1))
+    turned = replace(
+        body,
+        dofs=replace(
+            body.dofs,
+            component=np.where(body.dofs.node == 1, body.dofs.component + 3, body.dofs.component).astype(np.int8),
+        ),
+    )
+    draft = mounted(BodyDraft("body", (Path("k"), ""), (Path("m"), "")), turned)
+    assert (draft.interfaces[0][1], draft.axes) == ("{node: 2}", "xyz")
+
+
 def test_a_set_in_line_is_no_tie() -> None:
     body = block("body", (0.1, 0.06, 0.1), (2, 1, 1))
     edge = np.flatnonzero((abs(body.nodes.xyz[:, 1:]) == abs(body.nodes.xyz[0, 1:])).all(axis=1)) + 1
