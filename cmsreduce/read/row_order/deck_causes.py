@@ -23,6 +23,8 @@ __all__ = ["deck_cause"]
 _FULL = {"C3D8R": "C3D8I or C3D8", "S4R": "S8R or S4", "B31R": "B32R or B31"}
 # Forces that a cause explains are left with so many times their round-off, which is itself an estimate.
 _MORE_THAN_ROUNDING = 10.0
+# Rows whose forces are those of one modulus, as no other cause makes them: four nodes.
+_FEWEST_ROWS = 12
 # Relative to the stiffness: a stress changes it by the strain that belongs to it, and rows in disorder by more.
 _BY_STRESS = 1e-2
 # Of the terms of an equation: rigid motion that leaves less satisfies it.
@@ -42,9 +44,9 @@ def _hourglass_stiffness(case: Failure) -> str | None:
     if deck is None or not loaded.any():
         return None
     parts, whole, count = hourglass_forces(deck, body.dofs, case.nodes, found.shapes)
-    # Constraints bring forces to nodes of their own; the others show the cause if they are most of the loaded ones.
-    most = (loaded & whole).sum() > loaded.sum() / 2
-    if not parts or not (_explained(found, loaded, parts) or (most and _explained(found, loaded & whole, parts))):
+    # Constraints and supports bring forces to nodes of their own; a few others show the cause.
+    some = (loaded & whole).sum() >= _FEWEST_ROWS
+    if not parts or not (_explained(found, loaded, parts) or (some and _explained(found, loaded & whole, parts))):
         return None
     named = " and ".join(f"{number} {label}" for label, number in count.items())
     others = " and ".join(dict.fromkeys(_FULL.get(label, _FULL["C3D8R"]) for label in count))
