@@ -262,9 +262,9 @@ def spread_noise(
 
 
 def _of_one_sign(force: Array, shapes: Array) -> bool:
-    """True if the forces resist a motion all over the body, as springs to ground do."""
+    """True if the forces resist a motion all over the body, as springs to ground do, or push it, as spin does."""
     work = force * shapes
     loaded = np.count_nonzero(work, axis=0)
     total = abs(work).sum(axis=0)
     limit = np.minimum(_ONE_SIGN, _SIGN_DEVIATIONS / np.sqrt(np.maximum(loaded, 1)))
-    return bool((work.sum(axis=0) > limit * total)[total > 0].any())
+    return bool((abs(work.sum(axis=0)) > limit * total)[total > 0].any())

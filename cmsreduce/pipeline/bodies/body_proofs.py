@@ -17,6 +17,7 @@ from cmsreduce.pipeline.evidence import (
     BOUNDED,
     EXACT,
     against_deck,
+    directions_against_deck,
     energy_ratios,
     exchanges_hidden,
     generalised_coordinates,
@@ -200,7 +201,7 @@ def _stiffness(
         remark = f"{sound}; agrees with the deck {', '.join(agree)}{rest if bent > seen else ''}"
         shown = "stretch" if bent > seen else ""
         every = local is not None and local.compared == local.nodes
-        if stated is not None and stated.high is None and not every and not shown:
+        if stated is not None and (stated.high is None or found is None) and not every and not shown:
             shown = "lower bound" if local is None else "some nodes"
             remark += ": compare its frequencies"
         shown = shown if negative == 0 else ""
@@ -287,7 +288,9 @@ def _mass(
     if not any("same mass" in check.name for check in checks):
         deck += "; the body is held, so that its masses along x, y, z are not compared"
     whose = "" if ordered else "most nodes"
-    only = whose if amount else f"order of {whose}" if whose else "order"
+    # A consistent mass shares some of the mass of nodes next to supports with these, which have no rows.
+    away = "nodes away from supports" if amount and not free and order.status != "lumped" else ""
+    only = whose or away if amount else f"order of {whose}" if whose else "order"
     return checks, Proof("mass", "proven", digits, f"{evidence}{deck}{apart}", only=only)
 
 
@@ -295,12 +298,13 @@ def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrde
     """Checks of a free or held body's mass against the deck, and the evidence of its order; empty if there is none."""
     known = stated.nodal_known and (stated.nodal_if_lumped or order.status != "lumped")
     checks = against_deck(stated, body) if free else []
-    if not free and known and (ratio := nodes_times_deck(body, stated.nodal)) is not None:
-        words = ratio_in_words(ratio, ratio) if abs(ratio - 1) > EXACT else ""
-        checks = [Finding("mass against the deck, of nodes away from supports", abs(ratio - 1), EXACT, words)]
+    if not free and known and (away := nodes_times_deck(body, stated.nodal)) is not None:
+        checks = [away]
     # Nodes with each other's mass are looked for where the mass as a whole, the first check, is that of the deck.
     if not known or not all(check.passed for check in checks[:1]):
         return checks, ""
+    if (apart := directions_against_deck(body, stated.nodal)) is not None:
+        checks.append(apart)
     if (points := points_against_deck(body, stated)) is not None:
         checks.append(points)
     nodes = mass_order_by_deck(body, stated.nodal, free or order.status == "lumped")

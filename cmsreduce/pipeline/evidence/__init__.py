@@ -12,14 +12,13 @@ from cmsreduce.pipeline.evidence.deck_agreement import (
     ratio_in_words,
     statement_of,
 )
+from cmsreduce.pipeline.evidence.mass_against_deck import directions_against_deck, mass_order_by_deck, nodes_times_deck
 from cmsreduce.pipeline.evidence.nodal_links import links_against_deck
 from cmsreduce.pipeline.evidence.nodal_mass import (
     exchanges_hidden,
     generalised_coordinates,
     lumps,
-    mass_order_by_deck,
     moments_toward_neighbours,
-    nodes_times_deck,
 )
 from cmsreduce.pipeline.evidence.nodal_stiffness import nodes_against_deck
 from cmsreduce.pipeline.evidence.point_masses import points_against_deck, without_points
@@ -29,6 +28,7 @@ __all__ = [
     "EXACT",
     "against_deck",
     "energy_ratios",
+    "directions_against_deck",
     "exchanges_hidden",
     "generalised_coordinates",
     "links_against_deck",

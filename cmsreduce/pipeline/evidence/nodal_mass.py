@@ -10,33 +10,20 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import absolute_product, symmetric_product
-from cmsreduce.model import SCALAR, FEModel, Finding, cross_matrix, entry_errors
-from cmsreduce.pipeline.evidence.deck_agreement import masses_move
+from cmsreduce.linalg.blocks import symmetric_product
+from cmsreduce.model import SCALAR, FEModel, cross_matrix, entry_errors
 
 __all__ = [
     "MomentsToward",
-    "away_from_supports",
     "exchanges_hidden",
     "generalised_coordinates",
     "lumps",
-    "mass_order_by_deck",
+    "momentum_of_nodes",
     "moments_toward_neighbours",
-    "nodes_times_deck",
 ]
 
 Array = NDArray[np.float64]
 
-# Masses of elements in a deck have four digits or more.
-_SAME = 1e-3
-# Of a condensed body: masses this different are of another node, if they are this much like those of the other.
-_OTHER, _LIKE = 0.5, 0.2
-# More nodes than this share have one ratio to the deck where no mass is moved to other nodes.
-_MOST = 0.5
-# Force against translation, relative to its parts, of a node that no support holds.
-_FORCE = 1e-6
-# Nodes named in a message.
-_NAMED = 5
 # All pairs of nodes are tried: 600 nodes are 180 000 pairs.
 _MOST_NODES = 600
 # An exchange shows if it changes the symmetric part of the first moments by more than ten times the limit of that
@@ -78,7 +65,7 @@ def lumps(body: FEModel) -> Array | None:
     return np.asarray(np.linalg.eigvalsh(blocks)[:, 0])
 
 
-def _momentum(body: FEModel) -> tuple[NDArray[np.int64], Array]:
+def momentum_of_nodes(body: FEModel) -> tuple[NDArray[np.int64], Array]:
     """Nodes, and the momentum (N, 3, 3) of the translations of each node under unit translations of the body."""
     assert body.nodes is not None
     R = body.rigid_shapes[:, :3]
@@ -115,95 +102,6 @@ def generalised_coordinates(body: FEModel) -> int:
     return 0 if alike and not shared(body.M)[alone].any() else count
 
 
-def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding | None:
-    """Compare the mass at each node with that of the deck.
-
-    Parameters
-    ----------
-    body : FEModel
-        As read, with the deck's nodes.
-    nodal : (N,) float64
-        Mass of the deck at each node.
-    comparable : bool
-        True if no mass is lost at nodes that are held.
-
-    Returns
-    -------
-    Finding or None
-        Largest difference at a node relative to its mass. None if no exchange of nodes explains a difference, as where
-        masses are spread over nodes, or if heavy nodes have no rows and no exchange is found.
-    """
-    assert body.nodes is not None
-    ids, P = _momentum(body)
-    at = body.nodes.index(ids)
-    found, stated = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
-    whole = comparable and masses_move(body, nodal)
-    # Condensation moves a part of the mass of each node to its neighbours.
-    wrong_by, like = (_SAME, _SAME) if whole else (_OTHER, _LIKE)
-    off = _apart(found, stated, stated.max(initial=0.0))
-    name = "mass of each node against the deck"
-    wrong = np.flatnonzero((off > wrong_by) & (whole or away_from_supports(body, ids)))
-    if not wrong.size:
-        return Finding(name, float(off.max(initial=0.0)), _SAME) if whole else None
-    wrong = wrong[np.argsort(-off[wrong], kind="stable")][:_MOST_NODES]
-    here = _apart(found[wrong][:, None], stated[wrong], stated.max()) <= like
-    exchanged = [(k, int(here[k].argmax())) for k in range(wrong.size) if here[k].any() and here[:, k].any()]
-    if not exchanged or (whole and len(exchanged) < wrong.size):
-        return None
-    named = ", ".join(f"node {ids[wrong[k]]} has that of node {ids[wrong[j]]}" for k, j in exchanged[:_NAMED])
-    return Finding(name, float(off.max()), _SAME, f"{len(exchanged)} nodes have each other's mass: {named}")
-
-
-def nodes_times_deck(body: FEModel, nodal: Array) -> float | None:
-    """Ratio of the masses of a held body's nodes to those of the deck, of nodes that are not next to the supports.
-
-    Parameters
-    ----------
-    body : FEModel
-        As read, with the deck's nodes.
-    nodal : (N,) float64
-        Mass of the deck at each node.
-
-    Returns
-    -------
-    float or None
-        None if these nodes have no ratio in common, or if a node with mass has neither rows nor supports: its mass is
-        at other nodes then.
-    """
-    assert body.nodes is not None
-    ids, P = _momentum(body)
-    at = body.nodes.index(ids)
-    if not masses_move(body, nodal):
-        return None
-    # Along a direction without rows a node shows no mass.
-    whole = (body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3) >= 0).all(axis=1)
-    whole &= away_from_supports(body, ids) & (abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0))
-    ratio = np.trace(P[whole], axis1=1, axis2=2) / 3 / nodal[at[whole]]
-    most = float(np.median(ratio)) if ratio.size else 0.0
-    return most if (abs(ratio - most) <= _SAME * abs(most)).sum() > _MOST * ratio.size else None
-
-
-def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """True for nodes that K couples with no support, which resists translation and takes a part of their momentum."""
-    assert body.nodes is not None
-    T = body.rigid_shapes[:, :3]
-    force, parts = abs(symmetric_product(body.K)(T)).max(axis=1), absolute_product(body.K)(abs(T)).max(axis=1)
-    loud = force > max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * parts
-    if body.constrained is not None:
-        # Forces of supports along some axes may cancel, as in a plane of symmetry that holds a node on its both sides.
-        translations = body.constrained.component[:, None] == np.arange(1, 4)
-        partly = np.isin(body.dofs.node, body.constrained.node[translations.any(axis=1)])
-        loud |= absolute_product(body.K)(partly[:, None].astype(float))[:, 0] > 0
-    return ~np.isin(ids, body.dofs.node[loud])
-
-
-def _apart(found: Array, stated: Array, largest: float) -> Array:
-    """Relative difference of masses; one of less than a thousandth of the largest is compared with that."""
-    return np.asarray(
-        abs(found - stated) / np.maximum(np.maximum(abs(found), abs(stated)), max(_SAME * largest, 1e-300))
-    )
-
-
 def exchanges_hidden(body: FEModel) -> int | None:
     """Pairs of nodes whose exchange in the mass would leave one centre of mass; None if there are too many nodes.
 
@@ -211,7 +109,7 @@ def exchanges_hidden(body: FEModel) -> int | None:
     of translations with rotations that is not skew, as no centre of mass gives.
     """
     assert body.nodes is not None
-    ids, P = _momentum(body)
+    ids, P = momentum_of_nodes(body)
     if not 1 < ids.size <= _MOST_NODES:
         return None
     at = body.nodes.index(ids)

@@ -23,7 +23,7 @@ from cmsreduce.pipeline.evidence.deck_agreement import (
     row_directions,
     uniform_strains,
 )
-from cmsreduce.pipeline.evidence.nodal_mass import away_from_supports
+from cmsreduce.pipeline.evidence.mass_against_deck import away_from_supports
 from cmsreduce.pipeline.evidence.nodal_plates import of_plates
 from cmsreduce.pipeline.evidence.plates_in_strain import PlatesInStrain, plates_in_strain
 from cmsreduce.read import STRAINS, StatedNodes

@@ -14,6 +14,7 @@ from cmsreduce.model import DofTable, FEModel, Nodes, entry_errors, last_digits
 from cmsreduce.read.row_order.deck_causes import deck_cause
 from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
 from cmsreduce.read.row_order.places_by_motion import other_labels
+from cmsreduce.read.row_order.quiet_rows import mass_in_stiffness
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
 __all__ = ["Failure", "likely_cause", "other_order", "rounded_rows", "shuffled_nodes"]
@@ -90,6 +91,7 @@ def shuffled_nodes(case: Failure) -> str | None:
 def likely_cause(case: Failure) -> str:
     """The first cause that explains why a stiffness matrix resists rigid motion, and the remedy."""
     causes: tuple[Callable[[Failure], str | None], ...] = (
+        mass_in_stiffness,
         deck_cause,
         _displacements_in_basic,
         _axes_of_others,

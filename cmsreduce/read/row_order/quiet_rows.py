@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -9,7 +11,10 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.model import FEModel, Nodes, rigid_body_shapes
 
-__all__ = ["LOUD", "QUIET", "mistaken_matrices", "quiet_share"]
+if TYPE_CHECKING:
+    from cmsreduce.read.row_order.likely_cause import Failure
+
+__all__ = ["LOUD", "QUIET", "mass_in_stiffness", "mistaken_matrices", "quiet_share"]
 
 QUIET = 0.5
 """Least share of rows without force of a stiffness, whose supports disturb the rows next to them."""
@@ -20,6 +25,8 @@ LOUD = 0.1
 # Every translation cancels in a row of a free stiffness, to the digits of the file: text may have four of them. In a
 # row of a mass matrix the one along it adds up; those across cancel in bars that lie at an angle.
 _NO_FORCE = 1e-3
+# Forces that a multiple of the mass explains are left with so many times their round-off, itself an estimate.
+_MORE_THAN_ROUNDING = 10.0
 
 
 def quiet_share(A: sp.csc_array, T: NDArray[np.float64]) -> float:
@@ -55,3 +62,24 @@ def mistaken_matrices(body: FEModel, nodes: Nodes) -> str | None:
     if not same:
         return None
     return f"the mass{files} is given as stiffness, too. Name the stiffness under `components.{body.name}.stiffness`"
+
+
+def mass_in_stiffness(case: Failure) -> str | None:
+    """The stiffness holds a multiple of the mass: its forces under rigid motion are those of inertia."""
+    found = case.found
+    inertia = symmetric_product(case.body.M)(found.shapes)
+    size = float(np.square(inertia).sum())
+    times = float((found.force * inertia).sum()) / size if size > 0 else 0.0
+    rows = found.excess > 1
+    left, force = (abs(part[rows]).max(axis=1) for part in (found.force - times * inertia, found.force))
+    if not times or (left * found.excess[rows] > _MORE_THAN_ROUNDING * force).any():
+        return None
+    why = (
+        "an eigenvalue solver shifts it so"
+        if times > 0
+        else f"spin of {np.sqrt(-times):.4g} radians per unit of time softens it so"
+    )
+    return (
+        f"the stiffness holds {times:.4g} times the mass: {why}. Write the stiffness without it; that of a spinning "
+        "body is given as a parameter, or as geometric stiffness"
+    )

@@ -217,3 +217,14 @@ def test_typed_masses_say_nothing_of_the_stiffness(tmp_path: Path):
     np.save(tmp_path / "K.npy", np.diag(np.sqrt(np.arange(2.0, 8.0))))
     stiffness, mass = (MatrixSource(tmp_path / f"{name}.npy") for name in "KM")
     assert read_body("b", stiffness=stiffness, mass=mass, rows=rows).rounding == 2.0**-53
+
+
+@pytest.mark.parametrize("times", [-1e4, -10.0, 10.0, 1e4])
+@pytest.mark.parametrize("make", [BODIES["solid"], BODIES["frame"]], ids=["solid", "frame"])
+def test_a_multiple_of_the_mass_in_the_stiffness_is_named(make, times: float):
+    """Spin takes omega^2 M away, a solver's shift adds it; below the noise of condensation only the former passed."""
+    body = make()
+    scale = 1e-8 * body.K.diagonal().max() / body.M.diagonal().max()
+    with pytest.raises(DofMapError, match=r"the stiffness holds .* times the mass: (spin of|an eigenvalue)") as named:
+        prove_row_order(replace(body, K=sp.csc_array(body.K + times * scale * body.M)))
+    assert ("spin of" in str(named.value)) == (times < 0)

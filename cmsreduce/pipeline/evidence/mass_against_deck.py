@@ -1,0 +1,171 @@
+"""Masses of a body at its nodes against those of the deck, also where supports hold it, and by direction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.blocks import absolute_product, symmetric_product
+from cmsreduce.model import FEModel, Finding
+from cmsreduce.pipeline.evidence.deck_agreement import EXACT, known_dofs, masses_move, named_nodes, ratio_in_words
+from cmsreduce.pipeline.evidence.nodal_mass import momentum_of_nodes
+
+__all__ = ["away_from_supports", "directions_against_deck", "mass_order_by_deck", "nodes_times_deck"]
+
+Array = NDArray[np.float64]
+
+# Masses of elements in a deck have four digits or more.
+_SAME = 1e-3
+# Of a condensed body: masses this different are of another node, if they are this much like those of the other.
+_OTHER, _LIKE = 0.5, 0.2
+# More nodes than this share have one ratio to the deck where no mass is moved to other nodes.
+_MOST = 0.5
+# Force against translation, relative to its parts, of a node that no support holds.
+_FORCE = 1e-6
+# Nodes named in a message, and those that are looked at for an exchange.
+_NAMED, _MOST_NODES = 5, 600
+# Of the masses that meet at a node: a coupling of its directions below it is rounding of sums over an element.
+_ONE_MASS = 1e-6
+# Roundings of the file that add up over a node.
+_ROUNDINGS = 1e3
+
+
+def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding | None:
+    """Compare the mass at each node with that of the deck.
+
+    Parameters
+    ----------
+    body : FEModel
+        As read, with the deck's nodes.
+    nodal : (N,) float64
+        Mass of the deck at each node.
+    comparable : bool
+        True if no mass is lost at nodes that are held.
+
+    Returns
+    -------
+    Finding or None
+        Largest difference at a node relative to its mass. None if no exchange of nodes explains a difference, as where
+        masses are spread over nodes, or if heavy nodes have no rows and no exchange is found.
+    """
+    assert body.nodes is not None
+    ids, P = momentum_of_nodes(body)
+    at = body.nodes.index(ids)
+    found, stated = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
+    whole = comparable and masses_move(body, nodal)
+    # Condensation moves a part of the mass of each node to its neighbours.
+    wrong_by, like = (_SAME, _SAME) if whole else (_OTHER, _LIKE)
+    off = _apart(found, stated, stated.max(initial=0.0))
+    name = "mass of each node against the deck"
+    wrong = np.flatnonzero((off > wrong_by) & (whole or away_from_supports(body, ids)))
+    if not wrong.size:
+        return Finding(name, float(off.max(initial=0.0)), _SAME) if whole else None
+    wrong = wrong[np.argsort(-off[wrong], kind="stable")][:_MOST_NODES]
+    here = _apart(found[wrong][:, None], stated[wrong], stated.max()) <= like
+    exchanged = [(k, int(here[k].argmax())) for k in range(wrong.size) if here[k].any() and here[:, k].any()]
+    if not exchanged or (whole and len(exchanged) < wrong.size):
+        return None
+    named = ", ".join(f"node {ids[wrong[k]]} has that of node {ids[wrong[j]]}" for k, j in exchanged[:_NAMED])
+    return Finding(name, float(off.max()), _SAME, f"{len(exchanged)} nodes have each other's mass: {named}")
+
+
+def nodes_times_deck(body: FEModel, nodal: Array) -> Finding | None:
+    """Compare the masses of a held body's nodes with those of the deck, at nodes that are not next to the supports.
+
+    Parameters
+    ----------
+    body : FEModel
+        As read, with the deck's nodes.
+    nodal : (N,) float64
+        Mass of the deck at each node.
+
+    Returns
+    -------
+    Finding or None
+        Difference of the ratio that most nodes have, or else the largest one of a node, in each direction. None if
+        these nodes have no ratio in common, or if a node with mass has neither rows nor supports: its mass is at other
+        nodes then.
+    """
+    assert body.nodes is not None
+    ids, P = momentum_of_nodes(body)
+    at = body.nodes.index(ids)
+    if not masses_move(body, nodal):
+        return None
+    # Along a direction without rows a node shows no mass.
+    whole = (body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3) >= 0).all(axis=1)
+    whole &= away_from_supports(body, ids) & (abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0))
+    ids, P, stated = ids[whole], P[whole], nodal[at[whole]]
+    ratio = np.trace(P, axis1=1, axis2=2) / 3 / stated
+    most = float(np.median(ratio)) if ratio.size else 0.0
+    if (abs(ratio - most) <= _SAME * abs(most)).sum() <= _MOST * ratio.size:
+        return None
+    name = "mass against the deck, of nodes away from supports"
+    if abs(most - 1) > EXACT:
+        return Finding(name, abs(most - 1), EXACT, ratio_in_words(most, most))
+    off = abs(P / stated[:, None, None] - np.eye(3)).max(axis=(1, 2))
+    order = np.argsort(-off, kind="stable")
+    wrong, first = order[off[order] > EXACT], order[0]
+    words = "in one of its directions" if abs(ratio[first] - 1) <= EXACT else ratio_in_words(ratio[first], ratio[first])
+    note = f"at node {named_nodes(ids[wrong])}; at the first {words}" if wrong.size else ""
+    return Finding(name, float(off[first]), EXACT, note)
+
+
+def directions_against_deck(body: FEModel, nodal: Array) -> Finding | None:
+    """Coupling of x, y and z by the mass of solids, which have one mass in all directions, also between their nodes.
+
+    Parameters
+    ----------
+    body : FEModel
+        As read, with the deck's nodes.
+    nodal : (N,) float64
+        Mass of the deck at each node.
+
+    Returns
+    -------
+    Finding or None
+        Largest difference at a node relative to the masses that meet there. None if other dofs than translations have
+        mass, or if a node with mass lacks rows that no support took.
+    """
+    assert body.nodes is not None
+    known = known_dofs(body).rows(body.nodes.id[nodal != 0][:, None], np.arange(1, 4))
+    moving = (body.dofs.component > 0) & (body.dofs.component <= 3)
+    if (known < 0).any() or body.M.diagonal()[~moving].any():
+        return None
+    ids = np.unique(body.dofs.node[moving])
+    rows = body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3)
+    whole = (rows >= 0).all(axis=1)
+    ids, rows = ids[whole], rows[whole]
+    axes = body.rigid_shapes[rows][:, :, :3]
+    # Weights in no order: what a coupling adds does not cancel.
+    weight = 1 + np.random.default_rng(0).random(ids.size)
+    U = np.zeros((body.n, 3))
+    U[rows] = weight[:, None, None] * axes
+    P = np.einsum("kra,krb->kab", axes, symmetric_product(body.M)(U)[rows])
+    meeting = np.einsum("kra,krb->kab", abs(axes), absolute_product(body.M)(abs(U))[rows]).max(axis=(1, 2))
+    own = np.trace(P, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    off = np.divide(abs(P - own).max(axis=(1, 2)), meeting, out=np.zeros(ids.size), where=meeting > 0)
+    limit = max(_ONE_MASS, _ROUNDINGS * body.rounding)
+    wrong = np.argsort(-off, kind="stable")[: (off > limit).sum()]
+    note = f"at node {named_nodes(ids[wrong])}: solids have one mass in all directions" if wrong.size else ""
+    return Finding("mass matrix: coupling of x, y and z", float(off.max(initial=0.0)), limit, note)
+
+
+def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """True for nodes that K couples with no support, which resists translation and takes a part of their momentum."""
+    assert body.nodes is not None
+    T = body.rigid_shapes[:, :3]
+    force, parts = abs(symmetric_product(body.K)(T)).max(axis=1), absolute_product(body.K)(abs(T)).max(axis=1)
+    loud = force > max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * parts
+    if body.constrained is not None:
+        # Forces of supports along some axes may cancel, as in a plane of symmetry that holds a node on its both sides.
+        translations = body.constrained.component[:, None] == np.arange(1, 4)
+        partly = np.isin(body.dofs.node, body.constrained.node[translations.any(axis=1)])
+        loud |= absolute_product(body.K)(partly[:, None].astype(float))[:, 0] > 0
+    return ~np.isin(ids, body.dofs.node[loud])
+
+
+def _apart(found: Array, stated: Array, largest: float) -> Array:
+    """Relative difference of masses; one of less than a thousandth of the largest is compared with that."""
+    return np.asarray(
+        abs(found - stated) / np.maximum(np.maximum(abs(found), abs(stated)), max(_SAME * largest, 1e-300))
+    )

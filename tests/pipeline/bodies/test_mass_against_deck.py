@@ -1,0 +1,69 @@
+"""The mass of solids against their deck: at each node away from supports, and the same along x, y and z."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.model import FEModel
+from cmsreduce.pipeline.bodies import FlexibleBody
+from tests.pipeline.bodies.decks import brick_cards
+from tests.pipeline.bodies.test_body_proofs import opened, proof_of
+from tests.solids import block
+
+CELLS, SIDES = (6, 2, 2), [1.5, 0.5, 0.75]
+ROOT = range(1, 10)
+
+
+def body_of(held: bool) -> FEModel:
+    return block("part", SIDES, CELLS, held=ROOT if held else ())
+
+
+def read(folder: Path, M: sp.csc_array, held: bool) -> FlexibleBody:
+    body = replace(body_of(held), M=M, grounded=False)
+    return opened(folder, body, [*brick_cards(CELLS), *(["SPC1,1,123456,1,THRU,9"] if held else [])])
+
+
+@pytest.mark.parametrize(("held", "label"), [(False, "mass"), (True, "mass (nodes away from supports alone)")])
+@pytest.mark.parametrize("lumped", [False, True])
+def test_a_sound_mass_is_proven(tmp_path: Path, held: bool, label: str, lumped: bool) -> None:
+    M = body_of(held).M
+    if lumped:
+        free = body_of(False).M
+        M = sp.csc_array(sp.diags_array(np.asarray(free.sum(axis=1)).ravel()[-M.shape[0] :]))
+    proof = proof_of(read(tmp_path, M, held), "mass")
+    assert (proof.state, proof.label) == ("proven", "mass" if lumped else label)
+
+
+def test_a_few_heavier_nodes_of_a_held_body_are_named(tmp_path: Path) -> None:
+    """Most nodes have the mass of the deck; those at the tip have 3.4 % more."""
+    body = body_of(True)
+    assert body.nodes is not None
+    tip = body.dofs.node > 54
+    S = sp.diags_array(np.where(tip, 1.02, 1.0))
+    proof = proof_of(read(tmp_path, sp.csc_array(S @ body.M @ S), True), "mass")
+    assert proof.state == "refuted" and "away from supports" in proof.remark
+    assert "1.034 times that of the deck" in proof.remark
+
+
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("share", [1e-4, 0.1])
+def test_stiffness_in_the_mass_is_found(tmp_path: Path, held: bool, share: float) -> None:
+    """A solver adds it for its steps in time. It leaves mass, centre, inertia and the mass of each node."""
+    body = body_of(held)
+    added = share * body.M.diagonal().max() / body.K.diagonal().max()
+    proof = proof_of(read(tmp_path, sp.csc_array(body.M + added * body.K), held), "mass")
+    assert proof.state == "refuted" and "coupling of x, y and z" in proof.remark
+
+
+def test_two_axes_of_a_node_exchanged_in_the_mass_of_a_held_body_are_found(tmp_path: Path) -> None:
+    body = body_of(True)
+    order = np.arange(body.n)
+    rows = body.dofs.rows(32, [1, 2])
+    order[rows] = rows[::-1]
+    proof = proof_of(read(tmp_path, sp.csc_array(body.M[order][:, order]), True), "mass")
+    assert proof.state == "refuted" and "node 32" in proof.remark
