@@ -68,6 +68,8 @@ _EXPONENT = 0x7FF << 52
 # Bits of the mantissa of a single-precision number. A shorter number may be exact; a number that was rounded needs all
 # but the last few.
 _SINGLE_BITS, _LONG_BITS, _LONG_SHARE = 24, 20, 0.5
+# Twelve printed digits or more leave a single-precision number so near to itself, and hardly any other number.
+_PRINTED_SINGLE = 1e-11
 
 
 def rounding_of_values(values: Array) -> float:
@@ -128,7 +130,7 @@ def _need_single(sample: Array) -> bool:
 
 def _fit_single(values: Array) -> bool:
     with np.errstate(over="ignore"):
-        return bool((values.astype(np.float32) == values).all())
+        return bool((abs(values.astype(np.float32) - values) <= _PRINTED_SINGLE * abs(values)).all())
 
 
 def _decimal_rounding(sample: Array) -> float:

@@ -219,6 +219,16 @@ def test_typed_masses_say_nothing_of_the_stiffness(tmp_path: Path):
     assert read_body("b", stiffness=stiffness, mass=mass, rows=rows).rounding == 2.0**-53
 
 
+@pytest.mark.parametrize("digits", [12, 14, 17])
+def test_single_precision_is_seen_in_text(digits: int):
+    """Text of 12 to 16 digits is no single-precision number to the last bit. A mesh along the axes has forces of one
+    sign, which are no noise."""
+    body = block("solid", [1.6, 0.2, 0.1], [8, 2, 2])
+    printed = np.array([float(f"{x:.{digits}e}") for x in body.K.data.astype(np.float32)])
+    assert rounding_of_values(printed) == 2.0**-24
+    assert rounding_of_values(np.array([float(f"{x:.{digits}e}") for x in body.K.data])) < 1e-10
+
+
 @pytest.mark.parametrize("times", [-1e4, -10.0, 10.0, 1e4])
 @pytest.mark.parametrize("make", [BODIES["solid"], BODIES["frame"]], ids=["solid", "frame"])
 def test_a_multiple_of_the_mass_in_the_stiffness_is_named(make, times: float):
