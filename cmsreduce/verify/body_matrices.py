@@ -27,7 +27,9 @@ _PARTS = 12
 _CANCELLED = 4 * DOUBLE
 
 
-def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integer[Any]] | None = None) -> int | None:
+def negative_directions(
+    A: sp.csc_array, rounding: float, kind: NDArray[np.integer[Any]] | None = None, lever: float = 1.0
+) -> int | None:
     """Count the motions whose energy is negative by more than rounding.
 
     Parameters
@@ -38,6 +40,8 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integ
         Relative error of the matrix.
     kind : (n,) int, optional
         Kinds of rows, such as directions: where none are coupled with others, each is a part of its own.
+    lever : float
+        Length that entries of rotations may have cancelled with: of all rows but the translations, 1 to 3, of ``kind``.
 
     Returns
     -------
@@ -48,10 +52,13 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integ
     """
     own, count = abs(A.diagonal()), 0
     # Entries below it are what cancelled when the matrix was assembled, of either sign.
-    least = _CANCELLED * own.max(initial=0.0)
-    scale = 1 / np.sqrt(np.where(own > 0, np.maximum(own, least), own.max(initial=0.0) or 1.0))
+    least = np.full(own.size, _CANCELLED * own.max(initial=0.0))
+    if kind is not None and (moving := (kind >= 1) & (kind <= 3)).any():
+        least = _CANCELLED * own[moving].max() * np.where(moving, 1.0, lever**2)
+    lost = own <= least
+    scale = 1 / np.sqrt(np.where(lost, np.where(least > 0, least, 1.0), own))
     for rows, inner, copies in _different_parts(A, kind):
-        raised = _raised(inner, scale[rows], rounding, least)
+        raised = _raised(inner, scale[rows], rounding, lost[rows])
         order = share_order(raised if inner is A else A, borrowed=True)
         if inner is not A and order is not None:
             hand_down_order(raised, rows, order)
@@ -62,13 +69,13 @@ def negative_directions(A: sp.csc_array, rounding: float, kind: NDArray[np.integ
     return count
 
 
-def _raised(A: sp.csc_array, scale: Array, rounding: float, least: float) -> sp.csc_array:
-    """A matrix with its rows and columns scaled, and its diagonal raised by its rounding: before scaling ``least``."""
+def _raised(A: sp.csc_array, scale: Array, rounding: float, lost: NDArray[np.bool_]) -> sp.csc_array:
+    """A matrix with its rows and columns scaled, and its diagonal raised by its rounding: by one of lost rows."""
     counts = np.diff(A.indptr)
     data = A.data * scale[A.indices]
     data *= np.repeat(scale, counts)
     unit = sp.csc_array((data, A.indices, A.indptr), shape=A.shape)
-    by = np.maximum(least * scale**2, max(CONDENSATION, PRINTED * rounding))
+    by = np.where(lost, 1.0, max(CONDENSATION, PRINTED * rounding))
     if PRINTED * rounding * counts.max(initial=0) > CONDENSATION:
         errors = entry_errors(A.data, rounding) * scale[A.indices] * np.repeat(scale, counts)
         by = np.maximum(by, np.bincount(A.indices, errors, A.shape[0]))

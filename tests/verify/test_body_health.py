@@ -169,6 +169,10 @@ def test_masses_that_cancelled_are_no_negative_energy(left: float, count: int) -
     assert negative_directions(sp.csc_array(bars), 2.0**-53) == count
     # So it is where another unit makes the mass a million times smaller.
     assert negative_directions(sp.csc_array(1e-6 * bars), 2.0**-53) == count
+    # In millimetres a rotation has a million times the entries, and so has what cancels of them.
+    size = sp.diags_array([1.0] * 6 + [1e3])
+    kind = np.array([1] * 6 + [4])
+    assert negative_directions(sp.csc_array(size @ bars @ size), 2.0**-53, kind, 1e3) == count
 
 
 @pytest.mark.parametrize(("changed", "count"), [((), 0), ((0, 1, 2), 3), ((1,), 1)])

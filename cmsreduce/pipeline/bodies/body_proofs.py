@@ -105,7 +105,8 @@ def definite(body: FEModel, proven: Array | None, as_read: FEModel | None = None
         as_read = as_read or body
         if as_read.n != body.n:
             lend_order(body.K, as_read.dofs.rows(body.dofs.node, body.dofs.component), as_read.M)
-        mass = negative_directions(as_read.M, as_read.rounding, as_read.dofs.component)
+        lever = 1.0 if as_read.nodes is None else float(np.ptp(as_read.nodes.xyz, axis=0).max(initial=0.0))
+        mass = negative_directions(as_read.M, as_read.rounding, as_read.dofs.component, lever)
         return {"stiffness": stiffness, "mass": mass}
     return {"stiffness": stiffness, "mass": int((smallest < -_DEFINITE).sum())}
 
