@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import absolute_product
-from cmsreduce.model import CONDENSATION, Matrix
+from cmsreduce.model import ARITHMETIC, CONDENSATION, Matrix
 
 __all__ = [
     "UNRESISTED",
@@ -101,6 +101,10 @@ def refine(K: Array, M: Array, lam: Array, X: Array) -> tuple[Array, Array]:
                 "them has no mass. The matrices are too ill conditioned, or the mass is not positive definite"
             ) from None
     weight = np.einsum("ij,ij->j", X, M @ X)
+    if not (weight > 0).all():
+        raise MatrixError(
+            "a mode has no mass: the mass is not positive definite, or the matrices are too ill conditioned"
+        )
     return np.einsum("ij,ij->j", X, K @ X) / weight, X / np.sqrt(weight)
 
 
@@ -230,9 +234,11 @@ def split_massless(K: Array, M: Array, rounding: float = 2.0**-53) -> tuple[Arra
         If M gives a shape negative mass.
     """
     # A unit diagonal of M mixes coordinates of different units without loss of digits. A diagonal mass counts as none
-    # if a double cannot hold the square of its frequency beside the others.
-    least = _LEFT_BY_ARITHMETIC * float(np.finfo(float).eps) * float(np.trace(M)) / (float(np.trace(K)) or 1.0)
-    weighs = M.diagonal() > least * np.maximum(K.diagonal(), 0.0)
+    # if a double cannot hold the square of its frequency beside the others, or if negative ones show it as rounding.
+    own, stiff = M.diagonal(), np.maximum(K.diagonal(), 0.0)
+    negative = np.divide(-own, stiff, out=np.zeros_like(own), where=(own < 0) & (stiff > 0)).max(initial=0.0)
+    of_all = float(np.trace(M)) / (float(np.trace(K)) or 1.0)
+    weighs = own > max(ARITHMETIC * of_all, min(_ABOVE_NEGATIVE * float(negative), CONDENSATION * of_all)) * stiff
     diagonal = np.where(weighs, M.diagonal(), abs(M).max(initial=0.0) or 1.0)
     scale = 1 / np.sqrt(diagonal)
     scaled = _symmetric(M * np.outer(scale, scale))

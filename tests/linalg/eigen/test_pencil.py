@@ -176,3 +176,30 @@ def test_static_shapes_whose_mass_is_rounding_are_massless(seed):
     lam, _, N = elastic_and_massless(K, momentum.T @ momentum, np.eye(16)[:, :6])
     np.testing.assert_allclose(lam, [2e6, 2.6e7, 5.8e7] + [1e12] * 5, rtol=1e-9)
     assert N.shape == (16, 2)
+
+
+@pytest.mark.parametrize("lever", [1.0, 1e3])
+@pytest.mark.parametrize("seed", range(6))
+def test_rows_whose_mass_is_what_cancelled_are_massless(seed, lever):
+    """Rotations of a knot whose masses cancelled: 2 to 60 roundings of either sign, which no mode may move alone."""
+    draw = np.random.default_rng(seed)
+    stretch = draw.normal(size=(14, 14))
+    K = stretch @ stretch.T + 14 * np.eye(14)
+    # A rotation has the units of a lever, in its stiffness and in what is left of its mass.
+    size = np.repeat([1.0, lever], [8, 6])
+    K *= np.outer(size, size)
+    M = np.diag(np.repeat([1.0, 0.0], [8, 6]))
+    spread = np.finfo(float).eps * np.trace(M) / np.trace(K)
+    noise = spread * draw.uniform(2, 60, 6) * K.diagonal()[8:] * np.array([1, -1, 1, -1, 1, -1])
+    M[8:, 8:] = np.diag(noise) + np.diag(noise[1:] / 2, 1) + np.diag(noise[1:] / 2, -1)
+    M[:8, 8:] = abs(noise) / 3
+    M[8:, :8] = M[:8, 8:].T
+    condensed = K[:8, :8] - K[:8, 8:] @ la.solve(K[8:, 8:], K[8:, :8])
+    lam, _ = elastic_pairs(K, M, np.empty((14, 0)))
+    np.testing.assert_allclose(lam, la.eigvalsh(condensed), rtol=1e-9)
+
+
+def test_modes_without_mass_are_refused():
+    """A frequency that is no number is never handed on: it counted as no mode at all."""
+    with pytest.raises(MatrixError, match="a mode has no mass"):
+        refine(np.diag([1.0, 9.0]), np.diag([1.0, -1.0]), np.array([1.0, 9.0]), np.eye(2))
