@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from cmsreduce.assemble import (
     PointStack,
     assemble,
+    frequency_response,
     rigid_response,
     rigid_substructure,
     system_modes,
@@ -18,9 +19,9 @@ from cmsreduce.assemble import (
 from cmsreduce.assemble.constraint_space import constraint_space
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.mechanics import Tie, tie_nodes
-from cmsreduce.model import Configuration, JointElement, Point, Scene, rigid_body_shapes
+from cmsreduce.model import Configuration, Damping, JointElement, Point, Scene, rigid_body_shapes
 from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body
-from tests.frames import frame, line, rotation
+from tests.frames import Section, frame, line, rotation
 
 ELBOW = [1.0, 0.4, 0.0]
 STATOR = frame("stator", [[0, 0, 0], [0.5, 0.3, 0.1], ELBOW], [(1, 2), (2, 3)], {"root": 1, "elbow": 3})
@@ -115,6 +116,47 @@ def test_rotations_of_a_body_of_micrometres_keep_their_digits():
     rigid = rigid_body_modes(K, M, rigid_body_shapes(bar.dofs, nodes), 2.0**-53, "bar")
     assert rigid.shape[1] == 6
     np.testing.assert_allclose(rigid.T @ (M @ rigid), np.eye(6), atol=1e-12)
+
+
+@pytest.mark.parametrize("wide", [1e-3, 1e-4])
+def test_a_needle_on_a_mast_of_tonnes_moves_it_as_one_frame_of_all_bars_does(wide):
+    """A needle of 0.5 g or 0.5 mg on a mast on a hub: welded, they are one frame whose bars share nodes.
+
+    With all modes of both beams, the joined responses are those of the frame; damping is a loss factor of all bars.
+    """
+    hub = rigid_body("hub", 1e4, [0, 0, 0], [2e4, 3e4, 1e4], {"top": [0, 0, 0]})
+    steel = Section(E=2e11, G=8e10, A=0.05, Iy=2e-4, Iz=3e-4, J=4e-4, rho=7800.0)
+    size = wide**4 / 12
+    silicon = Section(E=1.6e11, G=6e10, A=wide**2, Iy=size, Iz=1.3 * size, J=2 * size, rho=2300.0)
+    top = np.array([8.0, 1.0, 2.0])
+    along = np.linspace(0, 1, 5)[:, None] * 200 * wide * np.array([0.6, 0.3, 1.0])
+    high = np.linspace(0, 1, 6)[:, None] * top
+    loss = Damping(structural=0.02)
+    mast = frame("mast", high, [(k, k + 1) for k in range(1, 6)], {"foot": 1, "top": 6}, section=steel, damping=loss)
+    chain = [(k, k + 1) for k in range(1, 5)]
+    needle = frame("needle", top + along, chain, {"root": 1, "tip": 5}, section=silicon, damping=loss)
+    scene = Scene(
+        ("hub", "mast", "needle"),
+        (0.0, 1.0),
+        (joint("flange", "hub.top", "mast.foot"), joint("weld", "mast.top", "needle.root")),
+        actuators=(at("needle.tip", [1, 1, 0, 0, 0, 0]), at("mast.foot", "rx")),
+        sensors=(at("needle.tip", "z"), at("mast.foot", "x"), at("mast.top", "z")),
+    )
+    K, M = np.zeros((60, 60)), np.diag(np.repeat([1e4, 2e4, 3e4, 1e4, 0.0], [3, 1, 1, 1, 54]))
+    for body, first in ((mast, 0), (needle, 30)):
+        own = slice(first, first + 6 * len(body.nodes.xyz))
+        K[own, own] += body.K.toarray()
+        M[own, own] += body.M.toarray()
+    rows = np.zeros((5, 60))
+    rows[[0, 0, 1, 2, 3, 4], [54, 55, 3, 56, 0, 32]] = 1.0
+    unit = 1 / np.sqrt(M.diagonal())
+    omega = 2 * np.pi * np.array([1.0, 5.0, 16.0, 40.0])
+    K, M = (unit[:, None] * A * unit for A in (K, M))
+    rows = rows * unit
+    exact = [rows[2:] @ np.linalg.solve((1 + 0.02j) * K - w**2 * M, rows[:2].T + 0j) for w in omega]
+    subs = {"hub": rigid_substructure(hub), "mast": modal(mast), "needle": modal(needle)}
+    H = frequency_response(subs, scene, Configuration("now", {}), omega)
+    np.testing.assert_allclose(H, exact, rtol=1e-6)
 
 
 def test_a_channel_that_joints_and_ground_lock_has_no_response():

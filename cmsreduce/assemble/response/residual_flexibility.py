@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.points import PointStack, balanced
 from cmsreduce.assemble.response.near_modes import eliminated, near_band, split_modes
 from cmsreduce.assemble.system import Wiring
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import row_basis
 from cmsreduce.linalg.response import frequency_blocks
 
@@ -82,6 +83,7 @@ class JoinedRows:
         if stack is not None:
             parts = [balanced(A[:, stack.body_columns(name)], stack.motions(name)) for name in stack.substructures]
             A = row_basis(np.hstack(parts)) @ A
+            A = A / _joint_motion(A, stack)[:, None]
         displacement, rate = (np.flatnonzero(rows.any(axis=1)) for rows in (wiring.C1, wiring.C2))
         left = np.vstack([A, wiring.C1[displacement], wiring.C2[rate]])
         measured = tuple(displacement.tolist()), tuple(rate.tolist())
@@ -147,6 +149,25 @@ class ResidualFlexibility:
             both = E[:, k:, k:] + E[:, k:, :k] @ np.linalg.solve(Z, E[:, :k, k:])
             H[part] = self.joined.measured(both, omega[part])
         return H
+
+
+def _joint_motion(A: Real, stack: PointStack) -> Real:
+    """Motion of the bodies at each constraint (c,), each by one unit of kinetic energy; 1 where nothing has mass.
+
+    A joint of a light body is by many decades more flexible than one of heavy bodies. Beside each other in one solve,
+    the forces in the latter would lose their digits.
+    """
+    square = np.zeros(A.shape[0])
+    for name, sub in stack.substructures.items():
+        motion = A[:, stack.body_columns(name)] @ stack.motions(name)
+        if sub.rigid.size:
+            # The most flexible motions of a free body, orthonormal in its mass.
+            unit = dense(motion @ sub.rigid)
+        else:
+            mass = sub.M.diagonal()
+            unit = dense(motion)[:, mass > 0] / np.sqrt(mass[mass > 0])
+        square += (unit**2).sum(axis=1)
+    return np.sqrt(np.where(square > 0, square, 1.0))
 
 
 def residual_flexibility(stack: PointStack, joined: JoinedRows, omega: Real) -> ResidualFlexibility | None:
