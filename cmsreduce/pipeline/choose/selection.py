@@ -38,6 +38,7 @@ __all__ = ["Choice", "modal_channels", "select", "truncate"]
 _ATTEMPTS = 64
 _NEARLY, _NEAR_MISSES = 1.02, 3
 _MARGIN = 0.999
+_TOGETHER = "modes that share one frequency stay together"
 # Damping that couples two modes by less than this share of their own is the rounding of a matrix in single precision.
 _UNCOUPLED = 1e-6
 
@@ -79,16 +80,19 @@ class Choice:
         Record of a search by the error of the system.
     bounds : mapping of body to BoundRecord
         Records of bodies that were truncated by a bound of their own.
+    remarks : tuple of str
+        Where more modes are kept than the number that was asked for.
     """
 
     selection: Selection
     search: SearchRecord | None = None
     bounds: Mapping[str, BoundRecord] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Facts that a reader must know."""
-        notes = []
+        notes = list(self.remarks)
         if self.search is not None:
             s = self.search
             # Without the seconds, which are in summary.json: notes are part of files that equal runs write equal.
@@ -104,7 +108,10 @@ class Choice:
     def joined(self, other: Choice) -> Choice:
         """The choices for some bodies and for others."""
         return Choice(
-            {**self.selection, **other.selection}, self.search or other.search, {**self.bounds, **other.bounds}
+            {**self.selection, **other.selection},
+            self.search or other.search,
+            {**self.bounds, **other.bounds},
+            self.remarks + other.remarks,
         )
 
 
@@ -143,13 +150,18 @@ def select(
     keep = keys.keep
     if keep.rule == "modes":
         assert keep.modes is not None
-        return Choice(keep_modes(components, keep.modes))
+        return _counted(keep_modes(components, keep.modes), {name: keep.modes_of(name) for name in components})
     if keep.rule == "numbers":
         assert keep.numbers is not None
         return Choice(keep_numbers(components, keep.numbers))
     if keep.rule == "total":
         assert keep.total is not None
-        return Choice(keep_total(components, keep.total))
+        chosen = keep_total(components, keep.total)
+        kept = sum(columns.size for columns in chosen.values())
+        more = (
+            f"{kept} modes are kept where `total: {keep.total}` asks for fewer: {_TOGETHER}, also those of twin bodies"
+        )
+        return Choice(chosen, remarks=(more,) if kept > keep.total else ())
     if keep.rule == "fraction":
         assert keep.fraction is not None
         return Choice(keep_fraction(components, keep.fraction))
@@ -164,6 +176,16 @@ def select(
             "scene"
         )
     return _searched(components, keys.rank, system, price if keep.minimise == "cost" else None, below)
+
+
+def _counted(selection: Selection, asked: Mapping[str, int | None]) -> Choice:
+    """A selection by numbers of modes, with a remark for each body that keeps more."""
+    remarks = []
+    for name, columns in selection.items():
+        number = asked[name]
+        if number is not None and columns.size > number:
+            remarks.append(f"{name}: {columns.size} modes are kept where {number} are asked for: {_TOGETHER}")
+    return Choice(selection, remarks=tuple(remarks))
 
 
 def _searched(

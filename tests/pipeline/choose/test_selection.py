@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -109,3 +110,26 @@ def test_without_a_model_that_meets_it_the_message_has_the_stated_limit() -> Non
     )
     with pytest.raises(ConfigError, match=r"no model was found that meets frf_error 0\.5 .* reached 0\.65"):
         judge.chosen()
+
+
+@pytest.mark.parametrize(
+    ("keep", "said"),
+    [
+        ({"total": 1}, ("6 modes are kept where `total: 1` asks for fewer",)),
+        ({"total": 6}, ()),
+        ({"modes": 1}, ()),
+        ({"modes": {"leg3": 3}}, ("leg3: 4 modes are kept where 3 are asked for",)),
+        ({"modes": {"leg3": 4}}, ()),
+    ],
+)
+def test_more_modes_than_the_number_asked_for_are_named(keep: dict[str, object], said: tuple[str, ...]) -> None:
+    """Six equal legs: a mode of one, then one of four frequencies of which two are equal."""
+    legs = {f"leg{k}": component(f"leg{k}", 0, [9.0, 3.0, 2.0, 2.0]) for k in range(6)}
+    for name, leg in legs.items():
+        legs[name] = replace(leg, omega=np.array([1.0, 2.0, 3.0, 3.0]))
+    keys = RankingKeys.model_validate({"rank": "system-cost", "keep": keep})
+    found = select(legs, keys, {}).notes
+    assert len(found) == len(said)
+    for note, start in zip(found, said, strict=True):
+        assert note.startswith(start)
+        assert "stay together" in note
