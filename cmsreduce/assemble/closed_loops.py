@@ -74,7 +74,7 @@ def check_loops(
             continue
         raise SceneError(
             f"configuration '{configuration.name}': joint '{joint.name}' closes a loop, and the angles of the other "
-            f"joints {fault}: {_advice(substructures, scene, configuration)}"
+            f"joints {fault}: {_advice(substructures, scene, configuration)}{_two_at_rest(scene)}"
         )
     for joint in () if held else _closing(scene):
         _check_given(substructures, scene, configuration, placed, joint)
@@ -99,7 +99,7 @@ def _check_given(
         raise SceneError(
             f"configuration '{configuration.name}': joint '{joint.name}' closes a loop, so that its motion follows "
             f"from the other joints: {', '.join(_shown(joint.name, dof, found[dof]) for dof in given)}; give "
-            "these values, or take them out"
+            f"these values, or take them out{_two_at_rest(scene)}"
         )
 
 
@@ -266,6 +266,17 @@ def _advice(substructures: Mapping[str, Substructure], scene: Scene, configurati
         ]
         return f"they fit at {', '.join(shown)}"
     return "give angles that fit, or free it there"
+
+
+def _two_at_rest(scene: Scene) -> str:
+    """Remark on a base that is not on the ground: joints between the two are those of a loop."""
+    grounded = list(dict.fromkeys(point.body for point in scene.ground))
+    if not grounded or scene.base in grounded:
+        return ""
+    return (
+        f". Neither the base '{scene.base}' nor '{grounded[0]}', which is on the ground, moves: with "
+        f"`base: {grounded[0]}` the joints between them turn the former"
+    )
 
 
 def _shown(name: str, dof: int, value: float) -> str:

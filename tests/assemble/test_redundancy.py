@@ -1,6 +1,7 @@
 """Motions locked twice: closed loops of rigid links, double ground; and bodies that float by themselves."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -252,3 +253,16 @@ def test_an_angle_of_the_closing_joint_that_does_not_follow_is_refused():
         assemble(*wrong, wrong[1].configurations[0])
     between = unequal({**FOUR_BAR, ("pin2", 5): -0.3}, between=True)
     assert assemble(*between, between[1].configurations[0]).rigid.shape[1] == 7
+
+
+def test_a_base_beside_the_ground_is_named_where_their_joint_cannot_turn():
+    """A bar that hangs on a post on the ground: seen from the bar as the base, their pin would turn the post."""
+    bodies = (line("post", [0, 0, -1], [0, 0, 0], 2), line("bar", [0, 0, 0], [1, 0, 0], 2))
+    subs = {body.name: physical(body) for body in bodies}
+    pin = joint("pin", "post.b", "bar.a", "rz")
+    turned = Configuration("turned", {("pin", 5): 0.5})
+    scene = Scene(("bar", "post"), (0.0, 1.0), (pin,), (turned,), base="bar", ground=(Point("post", "a"),))
+    with pytest.raises(SceneError, match="Neither the base 'bar' nor 'post', which is on the ground, moves"):
+        assemble(subs, scene, turned)
+    standing = assemble(subs, replace(scene, base="post"), turned)
+    assert standing.rigid.shape[1] == 1
