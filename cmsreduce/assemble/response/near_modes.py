@@ -35,6 +35,9 @@ _SPANNED = 1e-10
 _UNMOVED = 1e-24
 # Joints that move this little beside the motion of the modes near the band are not moved: a share of the amplitude.
 _RIGID = 1e-10
+# A joint between this and that is left to its forces, too: beside a stiffness that is larger by the square, the modes
+# near the band would lose half their digits.
+_MOVED = 1e-4
 # Constraints of the modes near the band are independent, as all constraints are; less than this is a doubt.
 _INDEPENDENT = 1e-9
 
@@ -217,6 +220,8 @@ def split_modes(
     flexible = far.joints / np.sqrt(abs(far.stiffness))
     size, beside = np.linalg.norm(flexible, axis=1), np.linalg.norm(modes.joints, axis=1) / omega
     unmoved = size <= _RIGID * beside
+    if (~unmoved & (size < _MOVED * beside)).any():
+        return None
     flexible[unmoved] = 0.0
     scale = 1 / np.where(unmoved, np.where(beside > 0, beside, 1.0), size)
     # Of the triangle, which has at most c rows: the modes may be thousands.
