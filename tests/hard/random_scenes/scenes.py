@@ -125,7 +125,8 @@ def random_scene(seed: int, folder: Path) -> RandomScene:
         "components": components,
         "scene": scene,
         "reduce": reduce,
-        "verify": {"frf": {"points": 16}, "checks": []},
+        # With many points, joined bodies are represented by their modes near the band.
+        "verify": {"frf": {"points": 16 if seed % 4 else 200}, "checks": []},
     }
     if rng.random() < 0.25:
         keys["balance"] = {
