@@ -53,9 +53,6 @@ def build_scene(pipeline: Pipeline) -> Scene:
         raise SceneError(
             f"two configurations are named '{repeated[0]}': their values agree in six digits; take values further apart"
         )
-    ground = tuple(parse_point(text) for text in keys.ground)
-    # Joints turn what is outboard of the ground.
-    grounded = {point.body for point in ground}
     return Scene(
         bodies=tuple(pipeline.components),
         band=keys.band,
@@ -65,8 +62,8 @@ def build_scene(pipeline: Pipeline) -> Scene:
         sensors=tuple(
             channel for name, sensor in keys.sensors.items() for channel in sensor_channels(pipeline, name, sensor)
         ),
-        base=keys.base or next(filter(grounded.__contains__, pipeline.components), next(iter(pipeline.components))),
-        ground=ground,
+        base=keys.base or next(iter(pipeline.components)),
+        ground=tuple(parse_point(text) for text in keys.ground),
         floating=keys.floating,
         redundant=keys.redundant,
         placements={

@@ -27,15 +27,6 @@ def test_bodies_joints_and_band(galileo):
     assert (spin.free, cone.free, spin.offset) == ({5}, {4}, None)
 
 
-def test_the_base_is_on_the_ground_where_a_body_is(galileo):
-    """By default; else the joints between it and the first body could not turn."""
-    on_ground = 'scene.ground="stator.spin_bearing"'
-    assert scene_of(galileo, on_ground).base == "stator"
-    assert scene_of(galileo, on_ground, "scene.base=rotor").base == "rotor"
-    two = 'scene.ground=["stator.spin_bearing", "rotor.spin_bearing"]'
-    assert scene_of(galileo, two).base == "rotor"
-
-
 def test_articulation_product_in_order(galileo):
     configurations = scene_of(galileo).configurations
     assert [c.name for c in configurations] == [

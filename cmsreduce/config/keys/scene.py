@@ -114,8 +114,8 @@ class SceneKeys(Keys):
     )
     base: Name | None = Field(
         default=None,
-        description="Body that articulation does not move; by default the first component that is on the ground, or "
-        "the first one where none is (components of included files come first).",
+        description="Body that articulation does not move; by default the first component (components of included "
+        "files come first).",
         examples=["platform"],
     )
     units: UnitSystem = Field(
