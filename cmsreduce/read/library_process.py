@@ -85,7 +85,10 @@ def refuse_missing_node(path: str, numbers: Any) -> None:
     known = {int(number) for number in numbers}
     with open(path, encoding="latin-1") as file:  # noqa: PTH123
         lines = iter(file.read().split("\n"))
-    version, binary, _ = next(line for line in lines if line.strip() and line.strip() != "$MeshFormat").split()
+    # Comments may stand before it.
+    while next(lines).strip() != "$MeshFormat":
+        pass
+    version, binary, _ = next(lines).split()
     if binary != "0":
         return
     while next(lines).strip() != "$Elements":

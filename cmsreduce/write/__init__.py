@@ -43,6 +43,7 @@ from cmsreduce.write.targets import (
 __all__ = [
     "ComponentFile",
     "EXPORTS",
+    "JoinedNodes",
     "LOG_MARK",
     "LinearModel",
     "PROFILES",
@@ -51,7 +52,6 @@ __all__ = [
     "SAME_MASS",
     "StateSpace",
     "SystemFile",
-    "JoinedNodes",
     "TARGETS",
     "Target",
     "TargetFiles",

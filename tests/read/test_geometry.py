@@ -143,6 +143,7 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
         ("*NODE, SYSTEM=C\n1,0.\n", "write rectangular ones"),
         ("*HEADING\n*STEP\n", "there are no nodes in it"),
         ("*HEADING\n*INCLUDE, INPUT=gone.inp\n", r"line 2: \*INCLUDE: the file 'gone.inp' is missing: there is no"),
+        (f"*INCLUDE, INPUT={300 * 'a'}.inp\n", r"line 1: \*INCLUDE: the file 'aaa"),
         ("*INCLUDE,\nINPUT=sub/one.inp\n", r"one.inp, line 2: \*INCLUDE: the file 'gone.inp' is missing: .* or "),
         ("*NODE\n1,0.\n*INCLUDE\n", r"line 3: \*INCLUDE names no file; write \*INCLUDE, INPUT=FILE"),
         ("*NODE, INPUT=gone.txt\n*STEP\n", "gone.txt cannot be read"),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import DofTable
+from cmsreduce.model import KEY_STEP, DofTable
 from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets, blocks, deck_sets, element_nodes
 from cmsreduce.read.printed_numbers import whole_number
 
@@ -167,11 +167,16 @@ def equations(path: Path) -> list[tuple[str, DofTable, NDArray[np.float64]]]:
     for block in deck:
         for terms in _terms(block) if block.keyword == "EQUATION" else ():
             nodes = [sets.nodes_of(text.rpartition(".")[2]) for text in terms[::3]]
+            components = [whole_number(text) for text in terms[1::3]]
+            if any(len(each) != 1 for each in nodes) or not {*components} <= {*range(1, 7)}:
+                continue
+            # A dof may have several terms.
+            sums: dict[int, float] = {}
             with suppress(ValueError):
-                factors = np.array([float(text.replace("D", "E")) for text in terms[2::3]])
-                if all(len(each) == 1 for each in nodes) and len(factors) == len(nodes):
-                    dofs = DofTable(np.array(nodes, np.int64).ravel(), np.array(terms[1::3]).astype(np.int8))
-                    found.append((block.where, dofs, factors))
+                for (node,), component, text in zip(nodes, components, terms[2::3], strict=True):
+                    key = node * KEY_STEP + (component or 0)
+                    sums[key] = sums.get(key, 0.0) + float(text.replace("D", "E"))
+                found.append((block.where, DofTable.from_keys(np.array([*sums])), np.array([*sums.values()])))
     return found
 
 

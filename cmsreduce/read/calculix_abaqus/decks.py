@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -115,7 +116,8 @@ def _included(block: Block, chain: tuple[Path, ...]) -> Path:
     tried = list(dict.fromkeys(deck.parent / name for deck in (chain[-1], chain[0])))
     if not name:
         raise ReadError(f"{block.where} names no file; write *INCLUDE, INPUT=FILE")
-    if (found := next((path for path in tried if path.exists()), None)) is None:
+    # Path.exists raises where a name is too long for any file.
+    if (found := next((path for path in tried if os.path.exists(path)), None)) is None:  # noqa: PTH110
         looked = " or ".join(map(str, tried))
         raise ReadError(f"{block.where}: the file '{name}' is missing: there is no {looked}; copy it there")
     return found

@@ -105,9 +105,17 @@ def _load(path: Path, name: str, place: _Place) -> LabelledMatrix:
 
 
 def _whole(A: sp.csc_array) -> sp.csc_array:
-    """Both triangles of a matrix that has no blocks of one size on one side of the diagonal, as those of SBAIJ."""
-    sizes = [size for size in range(1, _LARGEST_BLOCK + 1) if A.shape[0] % size == 0]
-    return next((both for size in sizes if (both := mirrored(A, size)) is not A), A)
+    """Both triangles of a matrix as SBAIJ writes it: no blocks of some size below the diagonal, and enough above it.
+
+    Those of a body join all its nodes, direction by direction. A few entries above the diagonal alone are an error of
+    the matrix.
+    """
+    entries, n = sp.coo_array(A), A.shape[0]
+    for size in (size for size in range(1, _LARGEST_BLOCK + 1) if n % size == 0):
+        row, col = entries.row // size, entries.col // size
+        if np.count_nonzero(row < col) >= max(n - size, 1) and not (row > col).any():
+            return mirrored(A, size)
+    return A
 
 
 PETSC = MatrixFormat("petsc", "PETSc binary", lambda path, head: _integer(head) is not None, _matrices)

@@ -103,7 +103,7 @@ def _grids(file: op2.OP2) -> NDArray[np.void]:
     if len(record) % newer.itemsize == 0:
         lines = np.frombuffer(record, dtype=newer)
         dofs = lines["ints"][:, 1]
-        if dofs[:1] == 1 and (np.diff(dofs) > 0).all():
+        if dofs.size and dofs[0] == 1 and (np.diff(dofs) > 0).all():
             found = np.empty(lines.size, dtype=[("ints", np.int64), ("xyz", (np.float64, 3))])
             found["ints"], found["xyz"] = lines["ints"][:, 0], lines["xyz"]
             return found

@@ -16,7 +16,7 @@ from cmsreduce.write.component import ComponentFile
 __all__ = ["JoinedNodes", "an_interface", "frames", "one_frame", "refuse_joined", "single_nodes", "three_frames"]
 
 _SIX, _THREE = 6, 3
-# Share of the extent of nodes in one line that they may lie off it.
+# Share of the extent of nodes in one line that they may lie off it: coordinates of decks have seven digits or more.
 _IN_LINE = 1e-6
 
 

@@ -17,9 +17,6 @@ from cmsreduce.write.targets.superelement import Superelement, framed_supereleme
 __all__ = ["left_out", "write_radioss"]
 
 _SIX = 6
-_THREE = 3
-# Distance from their line, relative to the distance along it: coordinates of decks have seven digits or more.
-_IN_LINE = 1e-6
 
 
 def write_radioss(path: Path, component: ComponentFile) -> None:

@@ -64,6 +64,24 @@ def test_the_upper_triangle_of_blocks_of_a_symmetric_matrix(tmp_path: Path, size
     assert np.array_equal(read_matrix(path).A.toarray(), A)
 
 
+@pytest.mark.parametrize("at", [(0, 1), (0, 4), (2, 11), (11, 0), (5, 4)])
+def test_a_stray_entry_beside_the_diagonal_makes_no_symmetric_matrix(tmp_path: Path, at: tuple[int, int]) -> None:
+    """It was mirrored: a damping matrix whose other entry was lost passed as symmetric."""
+    A = np.diag(np.arange(1.0, 13.0))
+    A[at] = 0.5
+    path = tmp_path / "D.dat"
+    path.write_bytes(content(A))
+    assert np.array_equal(read_matrix(path).A.toarray(), A)
+
+
+def test_the_lower_triangle_is_not_mirrored(tmp_path: Path) -> None:
+    """PETSc writes the upper one of a symmetric matrix."""
+    A = np.tril(np.ones((6, 6)))
+    path = tmp_path / "K.dat"
+    path.write_bytes(content(A))
+    assert np.array_equal(read_matrix(path).A.toarray(), A)
+
+
 def test_two_matrices(tmp_path: Path) -> None:
     path = tmp_path / "both.petsc"
     path.write_bytes(content(K) + content(2 * K))

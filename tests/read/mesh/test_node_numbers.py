@@ -81,15 +81,16 @@ def test_elements_of_kratos_keep_to_the_nodes_of_the_file(tmp_path: Path, old: s
 
 
 @pytest.mark.parametrize("missing", [25, 71])
+@pytest.mark.parametrize("comment", ["", "$Comments\nmade by hand\n$EndComments\n"])
 @pytest.mark.parametrize("name", ["a22.msh", "a41.msh", "a40.msh"])
-def test_an_element_of_gmsh_with_a_missing_node_is_named(tmp_path: Path, name: str, missing: int) -> None:
+def test_an_element_of_gmsh_with_a_missing_node_is_named(tmp_path: Path, name: str, comment: str, missing: int) -> None:
     """It was "index 70 is out of bounds", or point 0 of the wrong number of points."""
     text = FILES.get(name, FILES["a22.msh"])
     if name == "a40.msh":
         head = f"$MeshFormat\n4.0 0 8\n$EndMeshFormat\n$Nodes\n1 4\n1 3 0 4\n{NODES}$EndNodes\n"
         text = f"{head}$Elements\n1 1\n1 3 4 1\n1 20 40 30 70\n$EndElements\n"
     text = text.replace(" 40 30 70\n$End", f" 40 {missing} 70\n$End").replace("\n1 4 2 0", "\n17 4 2 0")
-    (tmp_path / name).write_text(text.replace("\n1 20", "\n17 20"))
+    (tmp_path / name).write_text(comment + text.replace("\n1 20", "\n17 20"))
     for read in (read_geometry, lambda path: read_cells(path) or read_geometry(path)):
         with pytest.raises(ReadError, match=f"element 17 names node {missing}, which is not in the file"):
             read(tmp_path / name)

@@ -127,6 +127,7 @@ LOADED = ("FORCE,1,2,,1.,0.,0.,1.", "GRAV,1,,9.81,0.,0.,1.")
         ((), LOADED[0], True),
         ((), LOADED[1], True),
         (("SOL 103", "CEND", "METHOD = 1"), LOADED[0], False),
+        (("ASSIGN OUTPUT4='k.op4',UNIT=11",), LOADED[0], True),
         (("SOL 103", "CEND", "SUBCASE 2", "  statsub(preload) = 1"), LOADED[0], True),
         (("SOL 103", "CEND", "SUBCASE 2", "  STATSUB = 1"), None, True),
     ],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.bars import offsets_of
-from cmsreduce.read.nastran.cards import Card, Cards, CardTable, read_cards
+from cmsreduce.read.nastran.cards import Card, Cards, CardTable, read_cards, texts_kept
 from cmsreduce.read.nastran.frames import FRAME_CARDS, CoordinateSystem, FrameChain, frame_definitions
 from cmsreduce.read.nastran.stated.faces import PLATES, QUADRATIC, SOLIDS, Faces, plates_of, solids_of
 from cmsreduce.read.nastran.stated.materials import Material, materials_of
@@ -162,12 +162,16 @@ class Elements:
 def stated_elements(path: Path, nodes: Nodes) -> Elements | None:
     """Elements of a deck that states masses or materials; None if the file is no deck, or holds superelements."""
     try:
-        deck = read_cards(path, {*_CARDS, *_CONSTRAINTS, *FRAME_CARDS})
+        with texts_kept():
+            # The elements of a large deck without materials need not be read.
+            if not read_cards(path, ()).names & _STATED:
+                return None
+            deck = read_cards(path, {*_CARDS, *_CONSTRAINTS, *FRAME_CARDS})
     except (OSError, ReadError):
         return None
-    if not deck.names & _STATED or len(deck.sections) > 1:
+    if len(deck.sections) > 1:
         return None
-    if deck.case_control is None:
+    if not deck.case_control:
         # Any load may have stressed the structure.
         prestressed = any(name.startswith(_LOADS) for name in deck.names)
     else:
