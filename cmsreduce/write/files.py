@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import json
 import os
 import platform
@@ -214,15 +215,13 @@ def hdf5_file(path: Path, large: Mapping[str, NDArray[Any]] | None = None) -> It
     """
     import h5py
 
-    # Composed in memory, because the HDF5 library aborts the process if the disk becomes full. The library takes two
-    # files of one name for one.
-    name = f"{path.name}-{secrets.token_hex(4)}"
-    with h5py.File(name, "w", driver="core", backing_store=False, libver="v110") as file:
+    # Composed in memory: the HDF5 library aborts the process if the disk becomes full. Before HDF5 2.0, the image of a
+    # file of its driver "core" has a wrong checksum.
+    image = io.BytesIO()
+    with h5py.File(image, "w", libver="v110") as file:
         yield file
-        file.flush()
-        image = file.id.get_file_image()
     with atomic_path(path) as temporary:
-        temporary.write_bytes(image)
+        temporary.write_bytes(image.getbuffer())
         for name, Phi in (large or {}).items():
             _put_large(temporary, name, Phi)
 
