@@ -82,7 +82,7 @@ def elastic_norm(channels: ModalChannels) -> float:
         If a mode has no damping.
     """
     _check_damped(channels)
-    if not channels.count or not channels.B.size:
+    if not channels.B.size or not (channels.C1.shape[0] + channels.C2.shape[0]):
         return 0.0
     width = channels.zeta * channels.omega
     grid = np.unique(np.maximum((channels.omega[:, None] + width[:, None] * _OFFSETS).ravel(), 0.0))
