@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.sparse import factorise, hand_down_order, share_order
 from cmsreduce.model import CONDENSATION, DOUBLE, PRINTED, FEModel, entry_errors
 
-__all__ = ["Contrast", "Grounding", "LightDofs", "grounding", "light_dofs", "negative_directions", "stiffness_contrast"]
+__all__ = [
+    "Contrast",
+    "Grounding",
+    "LightDofs",
+    "cancelled_masses",
+    "grounding",
+    "light_dofs",
+    "negative_directions",
+    "stiffness_contrast",
+]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -23,12 +32,12 @@ Indices = NDArray[np.int64]
 _NEARLY = 1e-8
 # Unconnected parts of a matrix that are factorised one by one.
 _PARTS = 12
-# Of the largest entry: a dof without mass, such as the stretch of a knot, is left with so much where masses cancel.
+# Of the masses that meet at it: a dof without mass, such as the stretch of a knot, is left with so much of them.
 _CANCELLED = 4 * DOUBLE
 
 
 def negative_directions(
-    A: sp.csc_array, rounding: float, kind: NDArray[np.integer[Any]] | None = None, lever: float = 1.0
+    A: sp.csc_array, rounding: float, kind: NDArray[np.integer[Any]] | None = None, cancelled: Array | None = None
 ) -> int | None:
     """Count the motions whose energy is negative by more than rounding.
 
@@ -40,8 +49,8 @@ def negative_directions(
         Relative error of the matrix.
     kind : (n,) int, optional
         Kinds of rows, such as directions: where none are coupled with others, each is a part of its own.
-    lever : float
-        Length that entries of rotations may have cancelled with: of all rows but the translations, 1 to 3, of ``kind``.
+    cancelled : (n,) float64, optional
+        Largest diagonal entry of each row that is rounding of what cancelled; of either sign, it counts as none.
 
     Returns
     -------
@@ -51,12 +60,9 @@ def negative_directions(
         diagonal entry makes up for all of them.
     """
     own, count = abs(A.diagonal()), 0
-    # Entries below it are what cancelled when the matrix was assembled, of either sign.
-    least = np.full(own.size, _CANCELLED * own.max(initial=0.0))
-    if kind is not None and (moving := (kind >= 1) & (kind <= 3)).any():
-        least = _CANCELLED * own[moving].max() * np.where(moving, 1.0, lever**2)
-    lost = own <= least
-    scale = 1 / np.sqrt(np.where(lost, np.where(least > 0, least, 1.0), own))
+    least = np.zeros(own.size) if cancelled is None else cancelled
+    lost = (own <= least) & (least > 0)
+    scale = 1 / np.sqrt(np.where(lost, least, np.where(own > 0, own, own.max(initial=0.0) or 1.0)))
     for rows, inner, copies in _different_parts(A, kind):
         raised = _raised(inner, scale[rows], rounding, lost[rows])
         order = share_order(raised if inner is A else A, borrowed=True)
@@ -69,8 +75,46 @@ def negative_directions(
     return count
 
 
+def cancelled_masses(body: FEModel) -> Array:
+    """Largest diagonal entry of each row of M that may be left of masses which cancelled when it was assembled.
+
+    Parameters
+    ----------
+    body : FEModel
+        Of n dofs.
+
+    Returns
+    -------
+    (n,) float64
+        Of a few roundings of the largest translational mass at its node and at those with which its row of K or M is
+        coupled: times the square of the extent of these nodes for rotations and scalars. 0 for heavier rows.
+    """
+    own, c = abs(body.M.diagonal()), body.dofs.component
+    moving = (c >= 1) & (c <= 3)
+    xyz, placed = np.full((body.n, 3), np.nan), np.zeros(body.n, dtype=bool)
+    if body.nodes is not None:
+        placed = np.isin(body.dofs.node, body.nodes.id)
+        xyz[placed] = body.nodes.xyz[body.nodes.index(body.dofs.node[placed])]
+    node = np.unique(body.dofs.node, return_inverse=True)[1]
+    at_node = np.zeros(node.max(initial=-1) + 1)
+    np.maximum.at(at_node, node[moving], own[moving])
+    found = np.zeros(body.n)
+    size = float(np.square(np.ptp(xyz[placed], axis=0)).sum()) if placed.any() else 1.0
+    light = np.flatnonzero(own <= _CANCELLED * at_node.max(initial=0.0) * np.where(moving, 1.0, size))
+    if not light.size:
+        return found
+    itself = sp.csc_array((np.ones(light.size), (light, np.arange(light.size))), shape=(body.n, light.size))
+    meeting = sp.csc_array(itself + abs(body.K[:, light]) + abs(body.M[:, light]))
+    start, rows = meeting.indptr[:-1], meeting.indices
+    extent = np.fmax.reduceat(xyz[rows], start) - np.fmin.reduceat(xyz[rows], start)
+    lever = np.nan_to_num(np.square(extent).sum(axis=1), nan=0.0) if placed.any() else np.ones(light.size)
+    heaviest = np.maximum.reduceat(at_node[node[rows]], start)
+    found[light] = _CANCELLED * heaviest * np.where(moving[light], 1.0, lever)
+    return found
+
+
 def _raised(A: sp.csc_array, scale: Array, rounding: float, lost: NDArray[np.bool_]) -> sp.csc_array:
-    """A matrix with its rows and columns scaled, and its diagonal raised by its rounding: by one of lost rows."""
+    """A matrix with its rows and columns scaled, and its diagonal raised by its rounding: of lost rows by one."""
     counts = np.diff(A.indptr)
     data = A.data * scale[A.indices]
     data *= np.repeat(scale, counts)

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.model import DofTable, FEModel, rigid_body_shapes
+from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.read import MatrixSource, read_body
 from cmsreduce.verify import (
+    cancelled_masses,
     effective_mass,
     grounding,
     light_dofs,
@@ -158,21 +159,45 @@ def test_motions_of_negative_energy_are_counted(weakened: float, count: int) -> 
     assert negative_directions(body.M, 2.0**-53) == 0
 
 
-@pytest.mark.parametrize(("left", "count"), [(2.6e-18, 0), (-2.6e-18, 0), (-1e-13, 1)])
-def test_masses_that_cancelled_are_no_negative_energy(left: float, count: int) -> None:
-    """Elements of one point give a stretch of their nodes no mass but the rounding of what cancels, of either sign."""
-    bars = np.zeros((7, 7))
+def bars_with_knot(left: float, length: float, heavy: float = 0.0) -> FEModel:
+    """Five bars along x, their last node with a rotation whose mass cancelled; a mass on the first of two others."""
+    bars = np.zeros((9, 9))
     for i in range(5):
         bars[i : i + 2, i : i + 2] += 0.125
-    bars[6, 6] = left
-    bars[6, :6] = bars[:6, 6] = 4e-19
-    assert negative_directions(sp.csc_array(bars), 2.0**-53) == count
-    # So it is where another unit makes the mass a million times smaller.
-    assert negative_directions(sp.csc_array(1e-6 * bars), 2.0**-53) == count
-    # In millimetres a rotation has a million times the entries, and so has what cancels of them.
-    size = sp.diags_array([1.0] * 6 + [1e3])
-    kind = np.array([1] * 6 + [4])
-    assert negative_directions(sp.csc_array(size @ bars @ size), 2.0**-53, kind, 1e3) == count
+    bars[6, 6] = left * length**2
+    bars[6, 4:6] = bars[4:6, 6] = 4e-19 * length
+    bars[7:, 7:] = np.diag([heavy, 1.0])
+    K = np.eye(9)
+    K[6, :6] = K[:6, 6] = 0.1
+    xyz = np.array([[0.2 * length * i, 0.0, 0.0] for i in range(6)] + [[1e6, 0.0, 0.0], [0.0, 1e6, 0.0]])
+    dofs = DofTable(np.array([1, 2, 3, 4, 5, 6, 6, 7, 8]), np.array([1, 1, 1, 1, 1, 1, 6, 1, 1], dtype=np.int8))
+    nodes = Nodes.in_basic(np.arange(1, 9), xyz)
+    return FEModel("bars", sp.csc_array(K), sp.csc_array(bars), dofs, nodes)
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(("left", "count"), [(2.6e-18, 0), (-2.6e-18, 0), (-5e-16, 1)])
+def test_masses_that_cancelled_are_no_negative_energy(left: float, count: int, length: float) -> None:
+    """Elements of one point give a stretch of their nodes no mass but the rounding of what cancels, of either sign.
+
+    In millimetres a rotation has a million times the entries, and so has what cancels of them.
+    """
+    for heavy in (0.0, 1e6):
+        bars = bars_with_knot(left, length, heavy)
+        # So it is where another unit makes the mass a million times smaller.
+        for unit in (1.0, 1e-6):
+            found = replace(bars, M=sp.csc_array(unit * bars.M))
+            kind = found.dofs.component
+            assert negative_directions(found.M, 2.0**-53, kind, cancelled_masses(found)) == count
+
+
+def test_masses_far_away_hide_no_negative_energy() -> None:
+    """A mass that no element joins to a light row, and the distance to it, say nothing of what cancelled in that."""
+    bars = bars_with_knot(-5e-10, 1.0, 1e9)
+    assert (cancelled_masses(bars)[:6] == 0).all()
+    assert negative_directions(bars.M, 2.0**-53, bars.dofs.component, cancelled_masses(bars)) == 1
+    # A stiffness has no such rows: the smallest spring counts beside a stop of any stiffness.
+    assert negative_directions(sp.csc_array(np.diag([1e30, 1.0, -1e-3])), 2.0**-53) == 1
 
 
 @pytest.mark.parametrize(("changed", "count"), [((), 0), ((0, 1, 2), 3), ((1,), 1)])

@@ -35,6 +35,7 @@ from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass
 from cmsreduce.verify import (
     REALISABLE,
+    cancelled_masses,
     free_mass,
     inertia_excess,
     negative_directions,
@@ -105,8 +106,8 @@ def definite(body: FEModel, proven: Array | None, as_read: FEModel | None = None
         as_read = as_read or body
         if as_read.n != body.n:
             lend_order(body.K, as_read.dofs.rows(body.dofs.node, body.dofs.component), as_read.M)
-        lever = 1.0 if as_read.nodes is None else float(np.ptp(as_read.nodes.xyz, axis=0).max(initial=0.0))
-        mass = negative_directions(as_read.M, as_read.rounding, as_read.dofs.component, lever)
+        cancelled = cancelled_masses(as_read)
+        mass = negative_directions(as_read.M, as_read.rounding, as_read.dofs.component, cancelled)
         return {"stiffness": stiffness, "mass": mass}
     return {"stiffness": stiffness, "mass": int((smallest < -_DEFINITE).sum())}
 

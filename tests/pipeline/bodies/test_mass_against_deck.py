@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.model import FEModel
+from cmsreduce.model import FEModel, Nodes
 from cmsreduce.pipeline.bodies import FlexibleBody
+from cmsreduce.pipeline.bodies.body_proofs import definite
+from tests.frames import Section, frame
 from tests.pipeline.bodies.decks import brick_cards
 from tests.pipeline.bodies.test_body_proofs import opened, proof_of
 from tests.solids import block
@@ -67,3 +69,18 @@ def test_two_axes_of_a_node_exchanged_in_the_mass_of_a_held_body_are_found(tmp_p
     order[rows] = rows[::-1]
     proof = proof_of(read(tmp_path, sp.csc_array(body.M[order][:, order]), True), "mass")
     assert proof.state == "refuted" and "node 32" in proof.remark
+
+
+@pytest.mark.parametrize(("heavy", "far"), [(1e5, 0.0), (100.0, 2e3)])
+def test_negative_inertia_of_thin_bars_counts_beside_heavy_masses_and_far_grids(heavy: float, far: float) -> None:
+    """Twist of a wire of 3 mm has 1e-12 of the mass of a hundred tonnes, which sits at another node."""
+    wire = Section(A=7e-6, Iy=4e-12, Iz=4e-12, J=8e-12)
+    xyz, bars = [[2.5 * i, 0, 0] for i in range(13)], [(i, i + 1) for i in range(1, 13)]
+    body = frame("part", xyz, bars, section=wire, masses={1: heavy})
+    assert body.nodes is not None
+    body = replace(body, nodes=Nodes.in_basic([*body.nodes.id, 999], [*xyz, [0, 0, far]]))
+    assert definite(body, None)["mass"] == 0
+    M = body.M.tolil()
+    r, s = (int(body.dofs.rows(node, [4])[0]) for node in (6, 7))
+    M[r, s] = M[s, r] = 8 * M[r, s]
+    assert definite(replace(body, M=sp.csc_array(M)), None)["mass"] == 1
