@@ -146,9 +146,14 @@ def known_dofs(body: FEModel) -> DofTable:
 
 
 def masses_move(body: FEModel, nodal: Array) -> bool:
-    """True if the masses (N,) of all nodes are where rows or supports are, so that no other node carries them."""
+    """True if rows or supports have all directions of each node with mass (N,), so that no other node carries it.
+
+    A hinge, or an equation of one direction, leaves a node its other rows. A plane body has no third direction.
+    """
     assert body.nodes is not None
-    return bool(np.isin(body.nodes.id[nodal != 0], known_dofs(body).node).all())
+    along = np.intersect1d(body.dofs.component, (1, 2, 3))
+    known = known_dofs(body).rows(body.nodes.id[nodal != 0][:, None], along)
+    return bool((known >= 0).all())
 
 
 def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | None:

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, Finding
-from cmsreduce.pipeline.evidence.deck_agreement import masses_move, named_nodes, row_directions
+from cmsreduce.pipeline.evidence.deck_agreement import known_dofs, masses_move, named_nodes, row_directions
 from cmsreduce.read import StatedMass
 
 __all__ = ["points_against_deck", "without_points"]
@@ -32,17 +32,18 @@ def points_against_deck(body: FEModel, stated: StatedMass) -> Finding | None:
     -------
     Finding or None
         Largest difference relative to the inertia of the node's masses; of a coupling, relative to the root of mass
-        times inertia. None if no node with rotations has an inertia or offset, or nodes with mass have neither rows nor
-        supports, so that others carry them.
+        times inertia. None if no node with rotations has an inertia or offset, or if others carry the mass or the
+        inertia of a node, which has neither rows nor supports then.
     """
     assert body.nodes is not None
     if stated.points is None or stated.turning is None:
         return None
     points, turning, ids = stated.points, stated.turning, body.nodes.id
     rows = body.dofs.rows(ids[:, None], np.arange(1, 7)).reshape(-1, 6)
-    if not masses_move(body, stated.nodal):
-        return None
     inertia = abs(points[:, 3:, 3:]).max(axis=(1, 2))
+    turns = known_dofs(body).rows(ids[inertia > 0][:, None], np.arange(4, 7)) >= 0
+    if not masses_move(body, stated.nodal) or not turns.all():
+        return None
     at = np.flatnonzero((inertia > 0) & (rows >= 0).all(axis=1) & np.isfinite(turning).all(axis=1))
     if not at.size:
         return None

@@ -13,7 +13,7 @@ from cmsreduce.model import FEModel, Nodes
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.bodies.body_proofs import definite
 from tests.frames import Section, frame
-from tests.pipeline.bodies.decks import brick_cards
+from tests.pipeline.bodies.decks import bar_cards, brick_cards
 from tests.pipeline.bodies.test_body_proofs import opened, proof_of
 from tests.solids import block
 
@@ -69,6 +69,33 @@ def test_two_axes_of_a_node_exchanged_in_the_mass_of_a_held_body_are_found(tmp_p
     order[rows] = rows[::-1]
     proof = proof_of(read(tmp_path, sp.csc_array(body.M[order][:, order]), True), "mass")
     assert proof.state == "refuted" and "node 32" in proof.remark
+
+
+def hinged(M: sp.csc_array, body: FEModel, components: tuple[int, ...]) -> FEModel:
+    """A frame held at node 1 whose node 10 takes some of its motions from node 9, at the same place."""
+    T = sp.eye_array(body.n, format="lil")
+    follow, lead = (body.dofs.rows(node, components) for node in (10, 9))
+    T[follow, follow], T[follow, lead] = 0.0, 1.0
+    left = np.setdiff1d(np.flatnonzero(body.dofs.node != 1), follow)
+    T = sp.csc_array(T)[:, left]
+    K, M = (sp.csc_array(T.T @ A @ T) for A in (body.K, M))
+    return replace(body, K=K, M=M, dofs=body.dofs[left], interfaces={}, grounded=False)
+
+
+@pytest.mark.parametrize("components", [(1, 2, 3), (1, 2, 3, 4, 5), (2, 3, 4, 5, 6)])
+@pytest.mark.parametrize("lumped", [False, True])
+def test_mass_of_a_hinge_at_its_other_node_is_sound(tmp_path: Path, components: tuple[int, ...], lumped: bool) -> None:
+    """The node that follows keeps some of its rows, without its mass."""
+    xyz = [[0.1 * min(i, 8), 0.1 * max(i - 8, 0), 0] for i in [*range(9), *range(8, 17)]]
+    bars = [(i, i + 1) for i in range(1, 18) if i != 9]
+    body = frame("part", xyz, bars)
+    moving = body.dofs.component <= 3
+    mass = np.where(moving, body.M @ (body.rigid_shapes[:, :3].sum(axis=1) * moving), 1e-9)
+    M = sp.csc_array(sp.diags_array(mass)) if lumped else body.M
+    deck = [*bar_cards(bars, xyz), "SPC1,1,123456,1", f"RBE2,90,9,{''.join(map(str, components))},10"]
+    found = opened(tmp_path, hinged(M, body, components), deck)
+    assert not [check for check in found.checks if not check.passed]
+    assert proof_of(found, "mass").state == ("unproven" if lumped else "proven")
 
 
 @pytest.mark.parametrize(("heavy", "far"), [(1e5, 0.0), (100.0, 2e3)])

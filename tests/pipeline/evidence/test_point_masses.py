@@ -105,6 +105,23 @@ def test_inertias_and_offsets_of_other_masses(tmp_path: Path, wrong: list, nodes
     assert not any(check.name in ("mass against the deck", "centre of mass against the deck") for check in failed)
 
 
+def test_inertia_that_an_equation_moves_to_another_node_is_sound(tmp_path: Path) -> None:
+    """Node 7 turns with node 2: its inertia is at that one's rotations."""
+    M = BODY.M.toarray()
+    for node, mass, w, J in POINTS:
+        S, at = cross_matrix(np.asarray(w)), slice(6 * node - 6, 6 * node)
+        M[at, at] += np.block([[mass * np.eye(3), -mass * S], [mass * S, np.asarray(J) - mass * S @ S]])
+    T = np.eye(BODY.n)
+    T[39:42, 39:42], T[39:42, 9:12] = 0.0, np.eye(3)
+    left = np.r_[:39]
+    K, M = (sp.csc_array(T[:, left].T @ A @ T[:, left]) for A in (BODY.K, M))
+    body = FEModel("part", K, M, BODY.dofs[left], nodes=BODY.nodes)
+    pipeline = load_pipeline(write_deck_body(tmp_path, body, [*bar_cards(BARS, XYZ), *cards(), "RBE2,95,2,456,7"]))
+    found = read_flexible(pipeline, "part", build_scene(pipeline))
+    assert not [check for check in found.checks if not check.passed]
+    assert next(proof.state for proof in found.proofs if proof.what == "mass") == "proven"
+
+
 WATER = np.diag([1.0, 2.5, 6.0, 0.02, 0.05, 0.01])
 
 
