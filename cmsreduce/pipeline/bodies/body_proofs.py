@@ -305,7 +305,7 @@ def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrde
     # Nodes with each other's mass are looked for where the mass as a whole, the first check, is that of the deck.
     if not known or not all(check.passed for check in checks[:1]):
         return checks, ""
-    if (apart := directions_against_deck(body, stated.nodal)) is not None:
+    if (apart := directions_against_deck(body, stated)) is not None:
         checks.append(apart)
     if (points := points_against_deck(body, stated)) is not None:
         checks.append(points)

@@ -9,6 +9,7 @@ from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.model import FEModel, Finding
 from cmsreduce.pipeline.evidence.deck_agreement import EXACT, known_dofs, masses_move, named_nodes, ratio_in_words
 from cmsreduce.pipeline.evidence.nodal_mass import momentum_of_nodes
+from cmsreduce.read import StatedMass
 
 __all__ = ["away_from_supports", "directions_against_deck", "mass_order_by_deck", "nodes_times_deck"]
 
@@ -110,15 +111,15 @@ def nodes_times_deck(body: FEModel, nodal: Array) -> Finding | None:
     return Finding(name, float(off[first]), EXACT, note)
 
 
-def directions_against_deck(body: FEModel, nodal: Array) -> Finding | None:
+def directions_against_deck(body: FEModel, stated: StatedMass) -> Finding | None:
     """Coupling of x, y and z by the mass of solids, which have one mass in all directions, also between their nodes.
 
     Parameters
     ----------
     body : FEModel
         As read, with the deck's nodes.
-    nodal : (N,) float64
-        Mass of the deck at each node.
+    stated : StatedMass
+        Masses of its deck. A rod has another mass along it than across it: nodes of rods, bars and plates are left out.
 
     Returns
     -------
@@ -127,7 +128,7 @@ def directions_against_deck(body: FEModel, nodal: Array) -> Finding | None:
         mass, or if a node with mass lacks rows that no support took.
     """
     assert body.nodes is not None
-    known = known_dofs(body).rows(body.nodes.id[nodal != 0][:, None], np.arange(1, 4))
+    known = known_dofs(body).rows(body.nodes.id[stated.nodal != 0][:, None], np.arange(1, 4))
     moving = (body.dofs.component > 0) & (body.dofs.component <= 3)
     if (known < 0).any() or body.M.diagonal()[~moving].any():
         return None
@@ -144,6 +145,8 @@ def directions_against_deck(body: FEModel, nodal: Array) -> Finding | None:
     meeting = np.einsum("kra,krb->kab", abs(axes), absolute_product(body.M)(abs(U))[rows]).max(axis=(1, 2))
     own = np.trace(P, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
     off = np.divide(abs(P - own).max(axis=(1, 2)), meeting, out=np.zeros(ids.size), where=meeting > 0)
+    if stated.turning is not None:
+        off[stated.turning[body.nodes.index(ids)].any(axis=1)] = 0.0
     limit = max(_ONE_MASS, _ROUNDINGS * body.rounding)
     wrong = np.argsort(-off, kind="stable")[: (off > limit).sum()]
     note = f"at node {named_nodes(ids[wrong])}: solids have one mass in all directions" if wrong.size else ""

@@ -71,6 +71,28 @@ def test_two_axes_of_a_node_exchanged_in_the_mass_of_a_held_body_are_found(tmp_p
     assert proof.state == "refuted" and "node 32" in proof.remark
 
 
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("more", [0.0, 0.1])
+def test_coupled_mass_of_a_rod_on_solids_is_sound(tmp_path: Path, held: bool, more: float) -> None:
+    """MSC's rod has 5/12 and 1/12 of its mass along it, and halves across it; nodes beside it are still compared."""
+    body, ends, area = body_of(held), (19, 41), 1e-4
+    assert body.nodes is not None
+    along = np.subtract(*(body.nodes.xyz[end - 1] for end in ends))
+    length = float(np.linalg.norm(along))
+    e = np.outer(along, along) / length**2
+    rows = np.concatenate([body.dofs.rows(end, [1, 2, 3]) for end in ends])
+    K, M = body.K.tolil(), sp.csc_array(body.M + more * body.M.diagonal().max() / body.K.diagonal().max() * body.K)
+    K[np.ix_(rows, rows)] += 2e11 * area / length * np.kron([[1, -1], [-1, 1]], e)
+    M = M.tolil()
+    M[np.ix_(rows, rows)] += 7850 * area * length * (np.eye(6) / 2 + np.kron([[-1, 1], [1, -1]], e) / 12)
+    body = replace(body, K=sp.csc_array(K), M=sp.csc_array(M), grounded=False)
+    deck = [*brick_cards(CELLS), f"CONROD,99,{ends[0]},{ends[1]},2,{area}", "MAT1,2,2.E11,,.3,7850."]
+    found = opened(tmp_path, body, [*deck, *(["SPC1,1,123456,1,THRU,9"] if held else [])])
+    proof = proof_of(found, "mass")
+    assert proof.state == ("refuted" if more else "proven")
+    assert not more or "coupling of x, y and z" in proof.remark
+
+
 def hinged(M: sp.csc_array, body: FEModel, components: tuple[int, ...]) -> FEModel:
     """A frame held at node 1 whose node 10 takes some of its motions from node 9, at the same place."""
     T = sp.eye_array(body.n, format="lil")
