@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -17,7 +18,7 @@ from cmsreduce.config import Pipeline
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import DEPENDENT, only_motions, rigid_body_modes
 from cmsreduce.mechanics import check_connected, hold_undetermined, rows_alone
-from cmsreduce.model import ARITHMETIC, Failure, FEModel, Finding, Proof, Scene, in_units
+from cmsreduce.model import ARITHMETIC, DofTable, Failure, FEModel, Finding, Proof, Scene, in_units, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
@@ -270,11 +271,16 @@ def _mechanisms(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
 
 def _held_turning(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
     """Note on a body that is declared grounded, and resists rotation alone, as no support does."""
-    shapes = _rigid_shapes(body)
-    if not body.grounded or shapes is None or not 0 < rigid.shape[1] < _shown_motions(body):
+    if not body.grounded or body.nodes is None or not rigid.shape[1]:
         return []
-    if not np.isin((1, 2, 3), body.dofs.component).all():
-        # Supports of all nodes across a plane resist rotation out of it.
+    # Supports of all nodes across a plane resist rotation out of it, which would move rows that there are not.
+    absent = np.setdiff1d((1, 2, 3), body.dofs.component)
+    ids = np.unique(body.dofs.node[(body.dofs.component > 0) & (body.dofs.component <= 3)])
+    dofs = DofTable(np.repeat(ids, absent.size), np.tile(absent, ids.size).astype(np.int8))
+    size = np.repeat([1.0, float(np.ptp(body.nodes.xyz, axis=0).max()) or 1.0], 3)
+    across, shapes = rigid_body_shapes(dofs, body.nodes, body.nodes.xyz.mean(axis=0)) / size, body.rigid_shapes
+    inside = la.null_space(np.linalg.qr(np.vstack([np.zeros((6, 6)), across]), mode="r"), rcond=_AT_REST)
+    if rigid.shape[1] >= _rank(shapes / size @ inside):
         return []
     translations = shapes[:, :3]
     resisted = translations - rigid @ (rigid.T @ (body.M @ translations))
@@ -296,5 +302,10 @@ def _shown_motions(body: FEModel) -> int:
     shapes = _rigid_shapes(body)
     if shapes is None:
         return 0
+    return _rank(shapes)
+
+
+def _rank(shapes: NDArray[np.float64]) -> int:
+    """Number of shapes (n, k) that are independent of each other."""
     lengths = np.linalg.norm(shapes, axis=0)
     return int(np.linalg.matrix_rank(shapes / np.where(lengths > 0, lengths, 1.0), DEPENDENT))

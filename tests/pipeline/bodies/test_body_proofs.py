@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse as sp
 from click.testing import CliRunner
 
@@ -17,11 +18,11 @@ from cmsreduce.linalg.eigen import elastic_pairs, rigid_body_modes
 from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.pipeline.bodies.proven_bodies import _mechanisms
+from cmsreduce.pipeline.bodies.proven_bodies import _held_turning, _mechanisms
 from cmsreduce.read import prove_mass_order, prove_row_order
 from cmsreduce.read.nastran.stated import deck_statement
 from cmsreduce.verify import negative_directions
-from tests.frames import BAR, beam_matrices, frame
+from tests.frames import BAR, beam_matrices, frame, rotation
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
 from tests.read.row_order.test_held_body import held_in_a_plane
 from tests.solids import block
@@ -531,6 +532,39 @@ def test_a_held_plate_whose_file_has_too_few_digits_is_named():
     assert note.startswith(f"plate: K leaves {rigid.shape[1]} motions without energy that are no rigid motions")
     assert "too few digits" in note
     assert _mechanisms(made, np.zeros((made.n, 0))) == []
+
+
+@pytest.mark.parametrize("kept", [[1, 2, 6], [1, 2, 3, 4, 5, 6], [1, 3, 5]])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_spring_between_points_apart_is_named_as_what_keeps_a_body_from_turning(kept: list[int], turned: bool):
+    """In space, and in the plane of a body without rows across it, whose axes may be turned."""
+    draw = np.random.default_rng(5)
+    xyz = np.zeros((12, 3))
+    xyz[:, [0, 2 if 3 in kept else 1]] = [(i % 4, i // 4) + 0.1 * draw.random(2) for i in range(12)]
+    bars = [(i, i + 1) for i in range(1, 12) if i % 4] + [(i, i + 4) for i in range(1, 9)]
+    bars += [(i, i + 5) for i in range(1, 8) if i % 4]
+    whole = frame("flat", xyz, bars)
+    rows = np.flatnonzero(np.isin(whole.dofs.component, kept))
+    body = replace(whole, K=whole.K[rows][:, rows], M=whole.M[rows][:, rows], dofs=whole.dofs[rows], grounded=True)
+    across = body.dofs.rows([1, 11], [2 if 2 in kept else 3] * 2)
+    K = body.K.tolil()
+    K[np.ix_(across, across)] += K[across[0], across[0]] * np.array([[1, -1], [-1, 1]])
+    assert body.nodes is not None
+    if turned:
+        Q = rotation([1.0, 2.0, -0.5], 0.7)
+        body = replace(body, nodes=Nodes(body.nodes.id, body.nodes.xyz @ Q.T, body.nodes.frame @ Q.T))
+    for A in (body.K, sp.csc_array(K)):
+        rigid = la.null_space(A.toarray(), rcond=1e-9)
+        rigid = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (body.M @ rigid)).T)
+        notes = _held_turning(replace(body, K=A), rigid)
+        assert bool(notes) == (A is not body.K)
+    assert "joins points that do not coincide" in notes[0]
+
+
+def test_supports_across_a_plane_keep_a_body_in_space_from_turning_without_a_note():
+    body = held_in_a_plane(stated=True, ground=False)
+    rigid = rigid_body_modes(body.K, body.M, rigid_body_shapes(body.dofs, body.nodes), 2.0**-53, "flat")
+    assert rigid.shape[1] == 3 and _held_turning(body, rigid) == []
 
 
 @pytest.mark.parametrize(("digits", "seed"), [(6, 2), (8, 9)])
