@@ -12,16 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["HeldRows", "held_rows"]
+__all__ = ["HeldRows", "held_in_a_plane", "held_rows"]
 
 # Relative to the other forces at a node: a smaller one is round-off.
 _NO_FORCE = 1e-6
-# Of a place relative to the size of the body: closer nodes are at one place.
-_DIGITS = 6
+# Distance relative to the size of the body: an exchange of closer nodes makes forces that may be round-off.
+_ONE_PLACE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +39,18 @@ class HeldRows:
         Nodes next to the ground, whose rows nothing proves.
     wrong : (w,) int64
         Nodes that resist rotation of the body and no translation, far from dofs without rows.
+    unmoved : (u,) int64
+        Rows of the matrix that no motion which was tried moves, so that they cause no force in any order.
     """
 
     found: RigidResidual
     proven: NDArray[np.int64]
     held: NDArray[np.int64]
     wrong: NDArray[np.int64]
+    unmoved: NDArray[np.int64]
 
 
-def held_rows(
-    body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array | None = None, *, in_plane: bool = False
-) -> HeldRows:
+def held_rows(body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array | None = None) -> HeldRows:
     """Sort the nodes of a body that the ground holds.
 
     Parameters
@@ -61,19 +63,32 @@ def held_rows(
         True if K comes from condensation.
     matrix : (n, n) sparse array, optional
         Damping in place of the stiffness.
-    in_plane : bool
-        True to try the motions in a plane alone where no node has a row across it, as in a structure that supports hold
-        in a plane.
     """
     A = body.K if matrix is None else matrix
+    return _sorted(body, nodes, A, rigid_residual(A, body.dofs, nodes, None, body.rounding, condensed, body.noise))
+
+
+def held_in_a_plane(body: FEModel, nodes: Nodes, condensed: bool) -> HeldRows | None:
+    """Sort the nodes by the motions in a plane alone, as of a structure that supports hold in it.
+
+    None if some nodes have a row across each plane. No node is proven if these motions do not tell the nodes apart.
+    """
+    if (rest := _without_rows(body.dofs)) is None:
+        return None
+    found = _in_plane(rigid_residual(body.K, body.dofs, nodes, rest, body.rounding, condensed, body.noise))
+    if found is None:
+        return None
+    flat = _sorted(body, nodes, body.K, found)
+    ids = np.unique(body.dofs.node[body.dofs.component > 0])
+    places = nodes.xyz[nodes.index(ids)][:, found.motions[:3].any(axis=1)]
+    nearest = np.min(cKDTree(places).query(places, k=[2])[0])
+    return flat if nearest > _ONE_PLACE * found.length else replace(flat, proven=ids[:0], held=ids)
+
+
+def _sorted(body: FEModel, nodes: Nodes, A: sp.csc_array, found: RigidResidual) -> HeldRows:
+    """Nodes by their forces under the motions that were tried."""
     moving = body.dofs.component > 0
     ids, of = np.unique(body.dofs.node[moving], return_inverse=True)
-    found = None
-    if in_plane and (rest := _without_rows(body.dofs)) is not None:
-        found = rigid_residual(A, body.dofs, nodes, rest, body.rounding, condensed, body.noise)
-        found = _in_plane(found, nodes.xyz[nodes.index(ids)])
-    if found is None:
-        found = rigid_residual(A, body.dofs, nodes, None, body.rounding, condensed, body.noise)
     rows, turning = np.flatnonzero(moving), body.dofs.component[moving] > 3
     force, excess = abs(found.force[rows]), found.excess[rows]
     # The worst force of a row over its excess is the force that round-off may leave there.
@@ -93,7 +108,10 @@ def held_rows(
     whole = _whole(body, ids, A)
     wrong = resists & ~pushed & across & whole
     proven = ~resists | (pushed & sprung) | (~pushed & ~across)
-    return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong])
+    # Shapes of rotations are per length.
+    moved = abs(found.shapes[rows]).max(axis=1) * np.where(turning, found.length, 1.0)
+    unmoved = rows[moved <= _NO_FORCE]
+    return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong], unmoved)
 
 
 def _without_rows(dofs: DofTable) -> DofTable | None:
@@ -103,21 +121,17 @@ def _without_rows(dofs: DofTable) -> DofTable | None:
     return DofTable(np.repeat(ids, none.size), np.tile(none, ids.size)) if none.size else None
 
 
-def _in_plane(found: RigidResidual, xyz: NDArray[np.float64]) -> RigidResidual | None:
+def _in_plane(found: RigidResidual) -> RigidResidual | None:
     """Forces under the motions in a plane, by translation and rotation along each axis, zero for the other motions.
 
-    None if the admissible motions are not those of a plane across an axis, or if nodes (N, 3) lie above one another, so
-    that these motions do not tell them apart.
+    None if the admissible motions are not those of a plane across an axis.
     """
     own = found.motions @ found.motions.T
     kept = own.diagonal() > 1 - _NO_FORCE
     aligned = abs(own - np.diag(kept.astype(np.float64))).max() <= _NO_FORCE
     if not aligned or np.count_nonzero(kept[:3]) != 2 or not kept[3:][~kept[:3]].all():
         return None
-    places = np.round(xyz[:, kept[:3]] / found.length, _DIGITS)
-    if len(np.unique(places, axis=0)) < len(places):
-        return None
-    return replace(found, motions=own, force=found.force @ found.motions.T)
+    return replace(found, motions=np.diag(kept.astype(np.float64)), force=found.force @ found.motions.T)
 
 
 def _any(rows: NDArray[np.bool_], of: NDArray[np.int64], count: int) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes
 from cmsreduce.read.row_order.deck_causes import deck_cause
-from cmsreduce.read.row_order.held_body import held_rows
+from cmsreduce.read.row_order.held_body import held_in_a_plane, held_rows
 from cmsreduce.read.row_order.likely_cause import (
     Failure,
     likely_cause,
@@ -264,12 +264,15 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
     """Proof of a body that the ground holds: the nodes away from the ground must resist no rigid motion."""
     held = held_rows(body, nodes, condensed)
     total = held.proven.size + held.held.size + held.wrong.size
-    across = False
-    if held.wrong.size or held.proven.size < _FREE_SHARE * total:
-        flat = held_rows(body, nodes, condensed, in_plane=True)
+    flat = held_in_a_plane(body, nodes, condensed)
+    # Rows that no motion in the plane moves, and that resist the others.
+    blind = np.zeros(0, dtype=np.int64) if flat is None else flat.unmoved[held.found.excess[flat.unmoved] > 1]
+    across, in_plane = False, ""
+    if flat is not None and (held.wrong.size or held.proven.size < _FREE_SHARE * total):
         across = flat.proven.size >= _FREE_SHARE * total and not flat.wrong.size
         # Condensation moves dofs without rows, too.
-        held = flat if across and not condensed else held
+        if across and not condensed:
+            held, in_plane = flat, "in a plane, across which no node has a row, "
     found = held.found
     loaded, share = _loaded_nodes(body, found)
     why = "single-point constraints hold" if not body.grounded else "the ground holds"
@@ -314,6 +317,13 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
             remark=f"{why} the body: {held.held.size} of {total} nodes are next to the ground or condensed, so that "
             "nothing proves the order of their rows",
         )
+    if blind.size:
+        return RowOrderProof(
+            "grounded",
+            remark=f"{why} the body, and no node has a row across a plane: only motions in it were tried, which move "
+            f"none of {blind.size} rows ({', '.join(body.dofs[blind[:_NAMED]].labels)}"
+            f"{' ...' if blind.size > _NAMED else ''}), so that nothing proves the order of these",
+        )
     quiet = np.isin(body.dofs.node, held.proven) & (found.excess <= 1)
     row = np.flatnonzero(quiet)[found.excess[quiet].argmax()] if quiet.any() else 0
     beside = f"; the other {held.held.size} are next to the ground" if held.held.size else ""
@@ -322,8 +332,8 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
         0,
         float(found.relative[row]) if quiet.any() else 0.0,
         float(found.allowed[row]),
-        f"{why} the body: {held.proven.size} of {total} nodes resist rigid motion only as a support of their own "
-        f"does{beside}",
+        f"{why} the body: {held.proven.size} of {total} nodes resist rigid motion {in_plane}only as a support "
+        f"of their own does{beside}",
     )
 
 

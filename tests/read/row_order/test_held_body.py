@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -142,14 +144,22 @@ def plane_truss(xyz: list[list[float]], bars: list[tuple[int, int]], held: list[
     return FEModel("truss", sp.csc_array(K), M, dofs[kept], nodes, constrained=dofs[gone])
 
 
-def held_in_a_plane(*, stated: bool, ground: bool = True, above: bool = False) -> FEModel:
+def held_in_a_plane(
+    *,
+    stated: bool,
+    above: float | None = None,
+    rows: Sequence[int] = (1, 2, 6),
+    turn: Sequence[int] = (0, 1, 2),
+    level: bool = False,
+) -> FEModel:
     """Bars in space whose nodes move in x and y and turn about z alone, on springs to the ground at two nodes."""
     at = [[0, 0, 0], [0, 1, 0.3], [0, 2, 0.5], [1, 2, 0.9], [2, 2, 0.2], [2, 1, -0.4], [2, 0, 0.1], [1, 1, 1.0]]
-    at += [[1, 2, 2.0]] if above else [[1, 3, 2.0]]
-    body = frame("flat", at, [(1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 7), (4, 8), (8, 2), (4, 9)])
-    kept = np.flatnonzero(np.isin(body.dofs.component, [1, 2, 6]))
+    at += [[1, 3, 2.0]] if above is None else [[1 + above, 2, 2.0]]
+    xyz = (np.array(at) * [1, 1, not level])[:, turn]
+    body = frame("flat", xyz, [(1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 7), (4, 8), (8, 2), (4, 9)])
+    kept = np.flatnonzero(np.isin(body.dofs.component, rows))
     k = np.where(np.isin(body.dofs.node, [1, 7]), 1e5, 0.0)
-    K = sp.csc_array(body.K + ground * sp.diags_array(k))[kept][:, kept]
+    K = sp.csc_array(body.K + sp.diags_array(k))[kept][:, kept]
     rest = body.dofs[np.setdiff1d(np.arange(body.n), kept)] if stated else None
     return replace(body, K=K, M=body.M[kept][:, kept], dofs=body.dofs[kept], constrained=rest, grounded=True)
 
@@ -159,7 +169,10 @@ def test_a_body_that_supports_hold_in_a_plane_is_proven_there(stated: bool) -> N
     """Motions out of the plane cost force: it was refused as shuffled or by component, or left without a proof."""
     body = held_in_a_plane(stated=stated)
     proof = prove_row_order(body)
-    assert (proof.status, proof.motions) == ("proven", 0) and "the ground holds the body" in proof.remark
+    assert (proof.status, proof.motions) == (
+        "proven",
+        0,
+    ) and "9 of 9 nodes resist rigid motion in a plane" in proof.remark
     for a, b in ((3, 5), (2, 8), (4, 9)):
         wrong = exchanged(body, a, b)
         if stated:
@@ -169,9 +182,27 @@ def test_a_body_that_supports_hold_in_a_plane_is_proven_there(stated: bool) -> N
                 prove_row_order(wrong)
 
 
+@pytest.mark.parametrize("level", [False, True])
+@pytest.mark.parametrize("turn", [(0, 1, 2), (2, 0, 1)])
+def test_rows_that_no_motion_in_the_plane_moves_are_not_proven(level: bool, turn: Sequence[int]) -> None:
+    """Rotations out of the plane cost no force in any order there: exchanged ones were called proven."""
+    along = sorted(turn.index(axis) + 1 for axis in (0, 1))
+    body = held_in_a_plane(stated=False, rows=[*along, 4, 5, 6], turn=turn, level=level)
+    first, second = along[0] + 3, along[1] + 3
+    swapped = np.where(body.dofs.component == first, second, body.dofs.component)
+    swapped[body.dofs.component == second] = first
+    one = body.dofs.node.copy()
+    one[body.dofs.rows(4, [first])], one[body.dofs.rows(9, [first])] = 9, 4
+    for dofs in (body.dofs, DofTable(body.dofs.node, swapped), DofTable(one, body.dofs.component)):
+        proof = prove_row_order(replace(body, dofs=dofs))
+        assert proof.status == "grounded"
+        assert re.search(r"only motions in it were tried, which move none of 1[68] rows \(1\.", proof.remark)
+
+
+@pytest.mark.parametrize("above", [0.0, 4.999e-7, 2e-6])
 @pytest.mark.parametrize("stated", [False, True])
-def test_nodes_above_one_another_are_not_told_apart_in_a_plane(stated: bool) -> None:
-    body = held_in_a_plane(stated=stated, above=True)
+def test_nodes_above_one_another_are_not_told_apart_in_a_plane(stated: bool, above: float) -> None:
+    body = held_in_a_plane(stated=stated, above=above)
     if stated:
         assert prove_row_order(body).status == "grounded"
     else:
