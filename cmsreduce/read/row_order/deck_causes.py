@@ -21,8 +21,6 @@ __all__ = ["deck_cause"]
 
 # Elements without hourglasses, in place of those of one point.
 _FULL = {"C3D8R": "C3D8I or C3D8", "S4R": "S8R or S4", "B31R": "B32R or B31"}
-# Forces that a cause explains are left with so many times their round-off, which is itself an estimate.
-_MORE_THAN_ROUNDING = 10.0
 # Rows whose forces are those of one modulus, as no other cause makes them: four nodes.
 _FEWEST_ROWS = 12
 # Relative to the stiffness: a stress changes it by the strain that belongs to it, and rows in disorder by more.
@@ -79,8 +77,7 @@ def _equations_between_apart_nodes(case: Failure) -> str | None:
     size, motions = np.linalg.svd(np.array([left for *_, left in broken]))[1:]
     kept = motions[(size > _SATISFIED * size[0]).sum() :]
     rows = (found.excess > 1) & np.isin(case.body.dofs.node, case.loaded)
-    limit = abs(found.force[rows]).max(axis=1) / found.excess[rows]
-    if (abs(found.force[rows] @ kept.T) > _MORE_THAN_ROUNDING * limit[:, None]).any():
+    if not found.explained(rows, found.force[rows] @ kept.T):
         return None
     where, nodes, _ = broken[0]
     more = f" and {len(broken) - 1} more do" if len(broken) > 1 else " does"
@@ -100,8 +97,7 @@ def _explained(found: RigidResidual, loaded: NDArray[np.bool_], parts: Sequence[
     size = np.linalg.norm(columns, axis=0)
     columns /= np.where(size > 0, size, 1.0)
     moduli = np.linalg.lstsq(columns, force.ravel(), rcond=None)[0]
-    left = abs(force - (columns @ moduli).reshape(force.shape)).max(axis=1)
-    return not (left * found.excess[rows] > _MORE_THAN_ROUNDING * abs(force).max(axis=1)).any()
+    return found.explained(loaded, force - (columns @ moduli).reshape(force.shape))
 
 
 def _preload(case: Failure) -> str | None:

@@ -25,8 +25,6 @@ LOUD = 0.1
 # Every translation cancels in a row of a free stiffness, to the digits of the file: text may have four of them. In a
 # row of a mass matrix the one along it adds up; those across cancel in bars that lie at an angle.
 _NO_FORCE = 1e-3
-# Forces that a multiple of the mass explains are left with so many times their round-off, itself an estimate.
-_MORE_THAN_ROUNDING = 10.0
 
 
 def quiet_share(A: sp.csc_array, T: NDArray[np.float64]) -> float:
@@ -71,8 +69,7 @@ def mass_in_stiffness(case: Failure) -> str | None:
     size = float(np.square(inertia).sum())
     times = float((found.force * inertia).sum()) / size if size > 0 else 0.0
     rows = found.excess > 1
-    left, force = (abs(part[rows]).max(axis=1) for part in (found.force - times * inertia, found.force))
-    if not times or (left * found.excess[rows] > _MORE_THAN_ROUNDING * force).any():
+    if not times or not found.explained(rows, (found.force - times * inertia)[rows]):
         return None
     why = (
         "an eigenvalue solver shifts it so"

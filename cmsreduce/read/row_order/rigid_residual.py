@@ -31,6 +31,8 @@ _CANCELLED = 1
 _SAME_PLACES = 1e-9
 # A body without constraints has these motions, translations first.
 _ALL = 6
+# Forces that a cause explains are left with so many times their round-off, itself an estimate, and with this share.
+_MORE_THAN_ROUNDING, _LEFT = 10.0, 0.1
 # Singular values of the motions of constrained dofs below this are round-off of printed coordinates.
 _AT_REST = 1e-6
 
@@ -87,6 +89,18 @@ class RigidResidual:
     def worst(self) -> int:
         """Row with the largest excess."""
         return int(self.excess.argmax())
+
+    def explained(self, rows: NDArray[np.bool_], left: Array) -> bool:
+        """True if a cause explains the forces of rows (n,), given the forces (k, any) that it leaves on these k.
+
+        Each row is left with no more than round-off, and all together, relative to their round-off, with a small share
+        of the forces: a row barely beyond its round-off shows no cause by itself.
+        """
+        force, excess, rest = abs(self.force[rows]).max(axis=1), self.excess[rows], abs(left).max(axis=1, initial=0.0)
+        if (rest * excess > _MORE_THAN_ROUNDING * force).any():
+            return False
+        share = np.divide(rest * excess, force, out=np.zeros_like(force), where=(rest > 0) & (force > 0))
+        return bool(np.linalg.norm(share) <= _LEFT * np.linalg.norm(excess))
 
 
 def rigid_residual(

@@ -238,3 +238,19 @@ def test_a_multiple_of_the_mass_in_the_stiffness_is_named(make, times: float):
     with pytest.raises(DofMapError, match=r"the stiffness holds .* times the mass: (spin of|an eigenvalue)") as named:
         prove_row_order(replace(body, K=sp.csc_array(body.K + times * scale * body.M)))
     assert ("spin of" in str(named.value)) == (times < 0)
+
+
+@pytest.mark.parametrize("error", ["digits", "entries"])
+def test_forces_barely_beyond_round_off_are_not_those_of_the_mass(error: str):
+    """A few rows beyond their round-off, which the mass does not explain, were called 4e4 times the mass."""
+    body = block("solid", [1.0, 0.1, 0.15], (4, 2, 2))
+    if error == "digits":
+        printed = body.K.copy()
+        printed.data = np.array([float(f"{x:.4e}") for x in printed.data])
+        wrong, words = replace(body, K=printed, rounding=5e-7), "rounded to 5 digits"
+    else:
+        some = sp.random_array(body.K.shape, density=0.0005, rng=np.random.default_rng(0))
+        wrong, words = replace(body, K=sp.csc_array(body.K + 3e-14 * body.K.max() * (some + some.T))), "Likely cause"
+    with pytest.raises(DofMapError, match=words) as named:
+        prove_row_order(wrong)
+    assert "times the mass" not in str(named.value)
