@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["HeldRows", "held_in_a_plane", "held_rows"]
+__all__ = ["HeldRows", "held_in_a_plane", "held_rows", "shown_rows"]
 
 # Relative to the other forces at a node: a smaller one is round-off.
 _NO_FORCE = 1e-6
@@ -39,15 +39,12 @@ class HeldRows:
         Nodes next to the ground, whose rows nothing proves.
     wrong : (w,) int64
         Nodes that resist rotation of the body and no translation, far from dofs without rows.
-    unmoved : (u,) int64
-        Rows of the matrix that no motion which was tried moves, so that they cause no force in any order.
     """
 
     found: RigidResidual
     proven: NDArray[np.int64]
     held: NDArray[np.int64]
     wrong: NDArray[np.int64]
-    unmoved: NDArray[np.int64]
 
 
 def held_rows(body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array | None = None) -> HeldRows:
@@ -71,18 +68,38 @@ def held_rows(body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array
 def held_in_a_plane(body: FEModel, nodes: Nodes, condensed: bool) -> HeldRows | None:
     """Sort the nodes by the motions in a plane alone, as of a structure that supports hold in it.
 
-    None if some nodes have a row across each plane. No node is proven if these motions do not tell the nodes apart.
+    None if some nodes have a row across each plane.
     """
     if (rest := _without_rows(body.dofs)) is None:
         return None
     found = _in_plane(rigid_residual(body.K, body.dofs, nodes, rest, body.rounding, condensed, body.noise))
     if found is None:
         return None
-    flat = _sorted(body, nodes, body.K, found)
-    ids = np.unique(body.dofs.node[body.dofs.component > 0])
-    places = nodes.xyz[nodes.index(ids)][:, found.motions[:3].any(axis=1)]
-    nearest = np.min(cKDTree(places).query(places, k=[2])[0])
-    return flat if nearest > _ONE_PLACE * found.length else replace(flat, proven=ids[:0], held=ids)
+    return _sorted(body, nodes, body.K, found)
+
+
+def shown_rows(body: FEModel, nodes: Nodes, found: RigidResidual) -> NDArray[np.bool_]:
+    """Rows (n,) whose order the motions that were tried show.
+
+    A row that none of them moves has no force in any order, unless it is the last of the three along the axes of its
+    node; nor have rows of nodes that move alike, apart from nodes at one place, which no rigid motion tells apart.
+    """
+    component = body.dofs.component
+    turning = component > 3
+    # Shapes of rotations are per length.
+    moved = abs(found.shapes).max(axis=1, initial=0.0) * np.where(turning, found.length, 1.0) > _NO_FORCE
+    kind = 2 * body.dofs.node + turning
+    _, of, count = np.unique(kind, return_inverse=True, return_counts=True)
+    last = (count == 3) & (np.bincount(of[moved], minlength=count.size) == 2)
+    shown = moved | last[of] | (component == 0)
+    ids = np.unique(body.dofs.node[component > 0])
+    at = (nodes.xyz[nodes.index(ids)] - found.centre) / found.length
+    again = cKDTree(at).query_pairs(_ONE_PLACE, output_type="ndarray")[:, 1]
+    one = np.setdiff1d(np.arange(ids.size), again)
+    # Displacement at each place under each motion.
+    move = (found.motions[:3].T + np.cross(found.motions[3:].T, at[one, None, :])).reshape(one.size, -1)
+    alike = np.asarray(cKDTree(move).query(move, k=[2])[0])[:, 0] <= _ONE_PLACE
+    return np.asarray(shown & ~np.isin(body.dofs.node, ids[one[alike]]))
 
 
 def _sorted(body: FEModel, nodes: Nodes, A: sp.csc_array, found: RigidResidual) -> HeldRows:
@@ -108,10 +125,7 @@ def _sorted(body: FEModel, nodes: Nodes, A: sp.csc_array, found: RigidResidual) 
     whole = _whole(body, ids, A)
     wrong = resists & ~pushed & across & whole
     proven = ~resists | (pushed & sprung) | (~pushed & ~across)
-    # Shapes of rotations are per length.
-    moved = abs(found.shapes[rows]).max(axis=1) * np.where(turning, found.length, 1.0)
-    unmoved = rows[moved <= _NO_FORCE]
-    return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong], unmoved)
+    return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong])
 
 
 def _without_rows(dofs: DofTable) -> DofTable | None:

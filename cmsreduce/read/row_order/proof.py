@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes
 from cmsreduce.read.row_order.deck_causes import deck_cause
-from cmsreduce.read.row_order.held_body import held_in_a_plane, held_rows
+from cmsreduce.read.row_order.held_body import held_in_a_plane, held_rows, shown_rows
 from cmsreduce.read.row_order.likely_cause import (
     Failure,
     likely_cause,
@@ -21,7 +21,7 @@ from cmsreduce.read.row_order.likely_cause import (
     shuffled_nodes,
 )
 from cmsreduce.read.row_order.quiet_rows import mistaken_matrices
-from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
+from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual, without_idle_turns
 
 __all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
 
@@ -170,7 +170,7 @@ def _emptied_supports(body: FEModel, nodes: Nodes) -> str | None:
 
 def _by_rigid_motions(body: FEModel, geometry: Nodes) -> RowOrderProof:
     condensed = is_condensed(body)
-    held = _without_idle_turns(body)
+    held = without_idle_turns(body)
     found = rigid_residual(body.K, body.dofs, geometry, held, body.rounding, condensed, body.noise)
     if held is not body.constrained and not found.vanishes:
         turning = found
@@ -192,6 +192,9 @@ def _by_rigid_motions(body: FEModel, geometry: Nodes) -> RowOrderProof:
                 "no rigid motion. Remove `grounded: true`, or give the matrices that include the supports"
             )
         _check_mass_is_no_stiffness(body)
+        shown = shown_rows(body, geometry, found)
+        if not shown.all() and (by_node := _held_proof(body, geometry, condensed)).status != "proven":
+            return replace(by_node, remark=_of_few_motions(body, ~shown))
         residual, tolerance = float(found.relative[row]), float(found.allowed[row])
         errors = (found.rounding, found.noise, found.exact, found.xyz_rounding)
         return RowOrderProof("proven", motions, residual, tolerance, "", *errors)
@@ -201,21 +204,6 @@ def _by_rigid_motions(body: FEModel, geometry: Nodes) -> RowOrderProof:
         raise DofMapError(f"body '{body.name}': {mistaken}")
     head = _not_proven(body, nodes, share, float(found.allowed[row]))
     raise DofMapError(f"{head}. Likely cause: {likely_cause(failure)}")
-
-
-def _without_idle_turns(body: FEModel) -> DofTable | None:
-    """Constraints without the rotations of nodes that have no rotations among the rows, as decks hold those of solids.
-
-    Nothing turns such a node, so that holding it holds no motion of the body.
-    """
-    held = body.constrained
-    if held is None or not (held.component > _TRANSLATIONS).any():
-        return held
-    turned = np.unique(body.dofs.node[body.dofs.component > _TRANSLATIONS])
-    kept = (held.component <= _TRANSLATIONS) | np.isin(held.node, turned)
-    if kept.all():
-        return held
-    return held[kept] if kept.any() else None
 
 
 def _turns_alone(body: FEModel, held: DofTable | None, found: RigidResidual, condensed: bool) -> RowOrderProof:
@@ -260,14 +248,22 @@ def _not_proven(body: FEModel, nodes: NDArray[np.int64], share: NDArray[np.float
     )
 
 
+def _of_few_motions(body: FEModel, hidden: NDArray[np.bool_]) -> str:
+    """Remark where the rigid motions that cost no force do not show the order of some rows."""
+    named, count = ", ".join(body.dofs[hidden][:_NAMED].labels), np.count_nonzero(hidden)
+    return (
+        "only some rigid motions were tried, such as those in a plane, because supports hold the others or no node has "
+        f"a row along them: they leave {count} rows ({named}{' ...' if count > _NAMED else ''}) at rest, or move those "
+        "of several nodes alike, so that nothing proves the order of these"
+    )
+
+
 def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
     """Proof of a body that the ground holds: the nodes away from the ground must resist no rigid motion."""
     held = held_rows(body, nodes, condensed)
     total = held.proven.size + held.held.size + held.wrong.size
     flat = held_in_a_plane(body, nodes, condensed)
-    # Rows that no motion in the plane moves, and that resist the others.
-    blind = np.zeros(0, dtype=np.int64) if flat is None else flat.unmoved[held.found.excess[flat.unmoved] > 1]
-    across, in_plane = False, ""
+    resists, across, in_plane = held.found.excess > 1, False, ""
     if flat is not None and (held.wrong.size or held.proven.size < _FREE_SHARE * total):
         across = flat.proven.size >= _FREE_SHARE * total and not flat.wrong.size
         # Condensation moves dofs without rows, too.
@@ -317,13 +313,11 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
             remark=f"{why} the body: {held.held.size} of {total} nodes are next to the ground or condensed, so that "
             "nothing proves the order of their rows",
         )
-    if blind.size:
-        return RowOrderProof(
-            "grounded",
-            remark=f"{why} the body, and no node has a row across a plane: only motions in it were tried, which move "
-            f"none of {blind.size} rows ({', '.join(body.dofs[blind[:_NAMED]].labels)}"
-            f"{' ...' if blind.size > _NAMED else ''}), so that nothing proves the order of these",
-        )
+    if flat is not None:
+        # Rows that resist motions across the plane, and whose order those in it do not show.
+        hidden = resists & ~shown_rows(body, nodes, flat.found) & np.isin(body.dofs.node, held.proven)
+        if hidden.any():
+            return RowOrderProof("grounded", remark=_of_few_motions(body, hidden))
     quiet = np.isin(body.dofs.node, held.proven) & (found.excess <= 1)
     row = np.flatnonzero(quiet)[found.excess[quiet].argmax()] if quiet.any() else 0
     beside = f"; the other {held.held.size} are next to the ground" if held.held.size else ""

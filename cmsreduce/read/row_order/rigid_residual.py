@@ -9,9 +9,19 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
-from cmsreduce.model import ARITHMETIC, CONDENSATION, DOUBLE, PRINTED, DofTable, Nodes, rigid_body_shapes, spread_noise
+from cmsreduce.model import (
+    ARITHMETIC,
+    CONDENSATION,
+    DOUBLE,
+    PRINTED,
+    DofTable,
+    FEModel,
+    Nodes,
+    rigid_body_shapes,
+    spread_noise,
+)
 
-__all__ = ["RigidResidual", "rigid_residual"]
+__all__ = ["RigidResidual", "rigid_residual", "without_idle_turns"]
 
 Array = NDArray[np.float64]
 
@@ -294,3 +304,18 @@ def _misplaced(dofs: DofTable, nodes: Nodes, arms: Array) -> Array:
     error[moving, 2] = turned * np.where(translation, arms[at], 1.0)
     error[moving, 3] = turned & translation
     return error
+
+
+def without_idle_turns(body: FEModel) -> DofTable | None:
+    """Constraints without the rotations of nodes that have no rotations among the rows, as decks hold those of solids.
+
+    Nothing turns such a node, so that holding it holds no motion of the body.
+    """
+    held = body.constrained
+    if held is None or not (held.component > 3).any():
+        return held
+    turned = np.unique(body.dofs.node[body.dofs.component > 3])
+    kept = (held.component <= 3) | np.isin(held.node, turned)
+    if kept.all():
+        return held
+    return held[kept] if kept.any() else None
