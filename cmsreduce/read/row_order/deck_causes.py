@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import ReadError
-from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.errors import CmsReduceError
+from cmsreduce.model import KEY_STEP, DofTable, FEModel, rigid_body_shapes
 from cmsreduce.read.calculix_abaqus import equations, hourglass_forces, preload_step
 
 if TYPE_CHECKING:
@@ -25,13 +25,14 @@ _FULL = {"C3D8R": "C3D8I or C3D8", "S4R": "S8R or S4", "B31R": "B32R or B31"}
 _FEWEST_ROWS = 12
 # Relative to the stiffness: a stress changes it by the strain that belongs to it, and rows in disorder by more.
 _BY_STRESS = 1e-2
+_NAMED = 5
 # Of the terms of an equation: rigid motion that leaves less satisfies it.
 _SATISFIED = 1e-6
 
 
 def deck_cause(case: Failure) -> str | None:
     """The first cause of the deck that explains why a stiffness resists rigid motion, and the remedy."""
-    return _equations_between_apart_nodes(case) or _hourglass_stiffness(case) or _preload(case)
+    return _broken_equations(case) or _hourglass_stiffness(case) or _preload(case)
 
 
 def _hourglass_stiffness(case: Failure) -> str | None:
@@ -56,36 +57,68 @@ def _hourglass_stiffness(case: Failure) -> str | None:
     )
 
 
-def _equations_between_apart_nodes(case: Failure) -> str | None:
-    """Equations of the deck that rotation of the whole body breaks: motions that break none cost no force."""
-    deck, found = _input_file(case.body), case.found
-    broken: list[tuple[str, NDArray[np.int64], NDArray[np.float64]]] = []
+def _broken_equations(case: Failure) -> str | None:
+    """Equations of the deck that rigid motion breaks: motions that break none cost no force."""
+    body, found, deck = case.body, case.found, _input_file(case.body)
     try:
-        stated = [] if deck is None else equations(deck)
-    except (ReadError, ValueError):
+        stated = [] if deck is None else [each for each in equations(deck) if each[2].size > 1]
+    except (CmsReduceError, ValueError, OverflowError):
         return None
-    for where, dofs, factors in stated:
-        if dofs.node.size < 2 or (case.nodes.index(dofs.node) < 0).any():
-            continue
-        terms = factors[:, None] * rigid_body_shapes(dofs, case.nodes, found.centre) / np.repeat([1, found.length], 3)
-        left = terms.sum(axis=0)
-        off = _SATISFIED + case.nodes.xyz_rounding / found.length
-        if (abs(left) > off * abs(factors).sum()).any():
-            broken.append((where, dofs.node, left @ found.motions))
-    if not broken:
+    if not stated:
         return None
-    size, motions = np.linalg.svd(np.array([left for *_, left in broken]))[1:]
-    kept = motions[(size > _SATISFIED * size[0]).sum() :]
-    rows = (found.excess > 1) & np.isin(case.body.dofs.node, case.loaded)
-    if not found.explained(rows, found.force[rows] @ kept.T):
+    node, component = (np.concatenate([getattr(dofs, name) for _, dofs, _ in stated]) for name in ("node", "component"))
+    factors, count = np.concatenate([each for *_, each in stated]), np.array([each.size for *_, each in stated])
+    first = np.cumsum(count) - count
+    known = case.nodes.index(node) >= 0
+    kept, of = np.unique(node * KEY_STEP + component, return_inverse=True)
+    # A matrix that holds an equation has no row of the dof that it eliminates.
+    with_row = np.isin(kept, body.dofs.node * KEY_STEP + body.dofs.component)[of]
+    held = np.logical_and.reduceat(known, first) & ~np.logical_and.reduceat(with_row, first)
+    here = np.isin(kept // KEY_STEP, node[known])
+    shapes = np.zeros((kept.size, 6))
+    table = DofTable(kept[here] // KEY_STEP, (kept[here] % KEY_STEP).astype(np.int8))
+    shapes[here] = rigid_body_shapes(table, case.nodes, found.centre) / np.repeat([1, found.length], 3)
+    left = np.add.reduceat(factors[:, None] * shapes[of], first) / np.add.reduceat(abs(factors), first)[:, None]
+    off = _SATISFIED + case.nodes.xyz_rounding / found.length
+    broken = np.flatnonzero(held & (abs(left).max(axis=1) > off))
+    loaded = body.dofs.node[found.excess > 1]
+    tied = node[with_row & np.repeat(np.isin(np.arange(count.size), broken), count)]
+    if not broken.size or not np.isin(tied, loaded).all():
         return None
-    where, nodes, _ = broken[0]
+    own = left[broken] @ found.motions
+    square, motions = np.linalg.eigh(own.T @ own)
+    free = motions[:, square <= _SATISFIED**2 * square[-1]]
+    resists = (found.excess > 1) & np.isin(body.dofs.node, case.loaded)
+    if not found.explained(resists, found.force[resists] @ free):
+        return None
+    # Motions that break all of them explain forces anywhere.
+    if not free.size and 2 * np.unique(loaded).size > body.dofs.node_ids.size:
+        return None
+    return _words(case, [stated[each][:2] for each in broken], abs(left[broken, :3]).max(axis=1) > off)
+
+
+def _words(case: Failure, broken: Sequence[tuple[str, DofTable]], pushes: NDArray[np.bool_]) -> str | None:
+    """What is wrong with equations that rigid motion breaks, and translation some of them, and the remedy."""
+    support = pushes | np.array([np.unique(dofs.node).size == 1 for _, dofs in broken])
+    if case.body.grounded and support.all():
+        return None
+    one = int(np.argmin(support))
+    where, dofs = broken[one]
+    nodes = np.unique(dofs.node)
+    named = f"{where} of node{'s' * (nodes.size > 1)} {', '.join(map(str, nodes[:_NAMED].tolist()))}"
     more = f" and {len(broken) - 1} more do" if len(broken) > 1 else " does"
+    if support[one]:
+        moved = "translation" if pushes[one] else "rotation"
+        return (
+            f"{named}{more} not hold under {moved} of the whole body: an equation between dofs of one node, or whose "
+            "coefficients along an axis do not add up to zero, holds the body as a support does. Mend the coefficients "
+            "or leave the equation out; a body that is meant to be held is `grounded: true`"
+        )
     apart = float(np.ptp(case.nodes.xyz[case.nodes.index(nodes)], axis=0).max())
     return (
-        f"{where} of nodes {', '.join(map(str, dict.fromkeys(nodes.tolist())))}, which lie {apart:.3g} apart,{more} "
-        "not hold under rotation of the whole body, which therefore costs force, in any order of the rows. Join "
-        "coincident nodes, or join bodies by a rigid body or a tie of surfaces that touch"
+        f"{named}, which lie {apart:.3g} apart,{more} not hold under rotation of the whole body, which therefore costs "
+        "force, in any order of the rows. Join coincident nodes, or join bodies by a rigid body or a tie of surfaces "
+        "that touch"
     )
 
 
