@@ -21,7 +21,9 @@ __all__ = ["HeldRows", "held_in_a_plane", "held_rows", "shown_rows"]
 
 # Relative to the other forces at a node: a smaller one is round-off.
 _NO_FORCE = 1e-6
-# Distance relative to the size of the body: an exchange of closer nodes makes forces that may be round-off.
+# A body without supports has so many motions.
+_ALL = 6
+# Distance or motion relative to the size of the body: an exchange of closer nodes makes forces that may be round-off.
 _ONE_PLACE = 1e-5
 
 
@@ -84,18 +86,20 @@ def shown_rows(body: FEModel, nodes: Nodes, found: RigidResidual) -> NDArray[np.
     A row that none of them moves has no force in any order, unless it is the last of the three along the axes of its
     node; nor have rows of nodes that move alike, apart from nodes at one place, which no rigid motion tells apart.
     """
+    if found.motions.shape[1] == _ALL and np.linalg.matrix_rank(found.motions) == _ALL:
+        return np.ones(len(body.dofs), dtype=np.bool_)
     component = body.dofs.component
     turning = component > 3
     # Shapes of rotations are per length.
-    moved = abs(found.shapes).max(axis=1, initial=0.0) * np.where(turning, found.length, 1.0) > _NO_FORCE
+    moved = abs(found.shapes).max(axis=1, initial=0.0) * np.where(turning, found.length, 1.0) > _ONE_PLACE
     kind = 2 * body.dofs.node + turning
     _, of, count = np.unique(kind, return_inverse=True, return_counts=True)
     last = (count == 3) & (np.bincount(of[moved], minlength=count.size) == 2)
     shown = moved | last[of] | (component == 0)
     ids = np.unique(body.dofs.node[component > 0])
     at = (nodes.xyz[nodes.index(ids)] - found.centre) / found.length
-    again = cKDTree(at).query_pairs(_ONE_PLACE, output_type="ndarray")[:, 1]
-    one = np.setdiff1d(np.arange(ids.size), again)
+    one = np.unique(at, axis=0, return_index=True)[1]
+    one = np.delete(one, np.unique(cKDTree(at[one]).query_pairs(_ONE_PLACE, output_type="ndarray")[:, 1]))
     # Displacement at each place under each motion.
     move = (found.motions[:3].T + np.cross(found.motions[3:].T, at[one, None, :])).reshape(one.size, -1)
     alike = np.asarray(cKDTree(move).query(move, k=[2])[0])[:, 0] <= _ONE_PLACE

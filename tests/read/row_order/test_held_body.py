@@ -221,6 +221,18 @@ def test_supports_leave_too_few_motions_to_prove_all_rows(rows: Sequence[int]) -
     assert prove_row_order(held_in_a_plane(stated=True, ground=False)).motions == 3
 
 
+@pytest.mark.parametrize("off", [0.0, 3e-9])
+def test_nodes_at_one_place_leave_the_proof_by_few_motions(off: float) -> None:
+    """Bars that meet at two nodes in one place, as at a joint: no rigid motion tells these apart, few or all."""
+    at = [[0.0, 0, 0], [1, 0, 0.2], [1.3, 1, 0], [0, 1, 1], [1.3 + off, 1, 0], [2, 1.5, 0.5], [2, 0.3, 0.8]]
+    body = frame("joint", at, [(1, 2), (2, 3), (1, 4), (3, 4), (2, 4), (5, 6), (6, 7), (5, 7)])
+    gone = body.dofs.rows(1, [1])
+    kept = np.setdiff1d(np.arange(body.n), gone)
+    K, M = (A[kept][:, kept] for A in (body.K, body.M))
+    proof = prove_row_order(replace(body, K=K, M=M, dofs=body.dofs[kept], constrained=body.dofs[gone]))
+    assert (proof.status, proof.motions) == ("proven", 5)
+
+
 def test_nodes_without_rows_leave_supports_across_a_plane_to_be_stated() -> None:
     """They look condensed, and condensed dofs move with a rigid motion."""
     body = held_in_a_plane(stated=False)
