@@ -39,8 +39,8 @@ class RowOrderProof:
     Parameters
     ----------
     status : str
-        ``proven``; ``trusted`` (not proven, and the user vouches for it); ``grounded`` (the ground holds too many nodes
-        for a proof), ``no geometry`` or ``scalar`` (no geometry is needed: the body has no dofs of points).
+        ``proven``; ``trusted`` (not proven, and the user vouches for it); ``grounded`` (supports hold too many nodes
+        or motions for a proof), ``no geometry`` or ``scalar`` (no geometry is needed: the body has no dofs of points).
     motions : int
         Rigid motions of the whole body that were tried; 0 if the ground holds it.
     residual : float
