@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
@@ -88,6 +87,9 @@ def shown_rows(body: FEModel, nodes: Nodes, found: RigidResidual) -> NDArray[np.
     """
     if found.motions.shape[1] == _ALL and np.linalg.matrix_rank(found.motions) == _ALL:
         return np.ones(len(body.dofs), dtype=np.bool_)
+    # Imported here: it loads libraries that a body with all motions does not need.
+    from scipy.spatial import cKDTree
+
     component = body.dofs.component
     turning = component > 3
     # Shapes of rotations are per length.
