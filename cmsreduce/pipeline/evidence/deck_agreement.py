@@ -142,7 +142,7 @@ def _held(body: FEModel) -> DofTable:
 
 def known_dofs(body: FEModel) -> DofTable:
     """Dofs whose motion is known: those with rows, and those at rest."""
-    return body.dofs.joined(_held(body))
+    return body.dofs if body.constrained is None else body.dofs.joined(body.constrained)
 
 
 def masses_move(body: FEModel, nodal: Array) -> bool:
@@ -151,7 +151,7 @@ def masses_move(body: FEModel, nodal: Array) -> bool:
     A hinge, or an equation of one direction, leaves a node its other rows. A plane body has no third direction.
     """
     assert body.nodes is not None
-    along = np.intersect1d(body.dofs.component, (1, 2, 3))
+    along = [direction for direction in (1, 2, 3) if (body.dofs.component == direction).any()]
     known = known_dofs(body).rows(body.nodes.id[nodal != 0][:, None], along)
     return bool((known >= 0).all())
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
-from cmsreduce.model import FEModel, Finding
+from cmsreduce.model import FEModel, Finding, each_once
 from cmsreduce.pipeline.evidence.deck_agreement import EXACT, known_dofs, masses_move, named_nodes, ratio_in_words
 from cmsreduce.pipeline.evidence.nodal_mass import momentum_of_nodes
 from cmsreduce.read import StatedMass
@@ -132,17 +132,16 @@ def directions_against_deck(body: FEModel, stated: StatedMass) -> Finding | None
     moving = (body.dofs.component > 0) & (body.dofs.component <= 3)
     if (known < 0).any() or body.M.diagonal()[~moving].any():
         return None
-    ids = np.unique(body.dofs.node[moving])
+    ids = each_once(body.dofs.node[moving])
     rows = body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3)
     whole = (rows >= 0).all(axis=1)
     ids, rows = ids[whole], rows[whole]
     axes = body.rigid_shapes[rows][:, :, :3]
     # Weights in no order: what a coupling adds does not cancel.
-    weight = 1 + np.random.default_rng(0).random(ids.size)
-    U = np.zeros((body.n, 3))
-    U[rows] = weight[:, None, None] * axes
-    P = np.einsum("kra,krb->kab", axes, symmetric_product(body.M)(U)[rows])
-    meeting = np.einsum("kra,krb->kab", abs(axes), absolute_product(body.M)(abs(U))[rows]).max(axis=(1, 2))
+    weight = np.zeros((body.n, 1))
+    weight[rows, 0] = 1 + np.random.default_rng(0).random((ids.size, 1))
+    P = np.einsum("kra,krb->kab", axes, symmetric_product(body.M)(weight * body.rigid_shapes[:, :3])[rows])
+    meeting = absolute_product(body.M)(weight)[rows, 0].max(axis=1)
     own = np.trace(P, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
     off = np.divide(abs(P - own).max(axis=(1, 2)), meeting, out=np.zeros(ids.size), where=meeting > 0)
     if stated.turning is not None:
