@@ -66,7 +66,7 @@ def _load(path: Path, size: tuple[int, int, int], half: bool, first: int) -> Lab
     if len(value) != entries or where.min() < 0 or (where.max(axis=0) >= (rows, cols)).any():
         raise ReadError(
             f"{path}: its head says {entries} entries in {rows} x {cols}, and there are {len(value)} in rows "
-            f"{where[:, 0].min() + 1} to {where[:, 0].max() + 1}; it is truncated: write or copy it again"
+            f"{where[:, 0].min() + 1} to {where[:, 0].max() + 1}; it is truncated or damaged: write or copy it again"
         )
     A = canonical(where[:, 0], where[:, 1], value, (rows, cols))
     return LabelledMatrix(mirrored(A) if half else A, path.stem, path, FREEFEM.name, rounding_of_printed(printed))

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.model import DofTable, FEModel, Nodes
+from cmsreduce.model import DofTable, FEModel, Nodes, each_once
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
 __all__ = ["HeldRows", "held_in_a_plane", "held_rows", "shown_rows"]
@@ -98,7 +98,7 @@ def shown_rows(body: FEModel, nodes: Nodes, found: RigidResidual) -> NDArray[np.
     _, of, count = np.unique(kind, return_inverse=True, return_counts=True)
     last = (count == 3) & (np.bincount(of[moved], minlength=count.size) == 2)
     shown = moved | last[of] | (component == 0)
-    ids = np.unique(body.dofs.node[component > 0])
+    ids = each_once(body.dofs.node[component > 0])
     at = (nodes.xyz[nodes.index(ids)] - found.centre) / found.length
     one = np.unique(at, axis=0, return_index=True)[1]
     one = np.delete(one, np.unique(cKDTree(at[one]).query_pairs(_ONE_PLACE, output_type="ndarray")[:, 1]))
@@ -136,7 +136,7 @@ def _sorted(body: FEModel, nodes: Nodes, A: sp.csc_array, found: RigidResidual) 
 
 def _without_rows(dofs: DofTable) -> DofTable | None:
     """Translations that no node has among its rows, of every node; None if some nodes have each."""
-    ids = np.unique(dofs.node[dofs.component > 0])
+    ids = each_once(dofs.node[dofs.component > 0])
     none = np.setdiff1d([1, 2, 3], dofs.component).astype(np.int8)
     return DofTable(np.repeat(ids, none.size), np.tile(none, ids.size)) if none.size else None
 
