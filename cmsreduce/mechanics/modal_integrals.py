@@ -174,8 +174,12 @@ def rigid_mass(body: FEModel, about: ArrayLike = (0.0, 0.0, 0.0), lumping: Lumpi
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
-    R = rigid_body_shapes(body.dofs, body.nodes, about)
-    return np.asarray(R.T @ (lumped_mass(body, lumping) @ R))
+    R = body.rigid_shapes
+    momentum = body.rigid_momentum if lumping == "consistent" else lumped_mass(body, lumping) @ R
+    moved = np.eye(6)
+    # From the mean of the nodes, where small bodies far from the origin keep their digits.
+    moved[:3, 3:] = cross_matrix(about - body.nodes.xyz.mean(axis=0))
+    return np.asarray(moved.T @ (R.T @ momentum) @ moved)
 
 
 def mass_and_first_moment(body: FEModel, rigid: Array) -> tuple[float, Array]:

@@ -290,6 +290,11 @@ class FEModel:
         return rigid_body_shapes(self.dofs, self.nodes, self.nodes.xyz.mean(axis=0))
 
     @cached_property
+    def rigid_momentum(self) -> NDArray[np.float64]:
+        """Momentum (n, 6) of the unit rigid motions of `rigid_shapes`; not to be changed in place."""
+        return np.asarray(self.M @ self.rigid_shapes)
+
+    @cached_property
     def recovery(self) -> Recovery:
         """Every dof with a known motion: the rows themselves, then the dofs tied to them."""
         rows = sp.eye_array(self.n, format="csr")

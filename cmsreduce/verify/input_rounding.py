@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import Product, column_blocks, entrywise_product
+from cmsreduce.linalg.blocks import Product, Rows, column_blocks, entrywise_product
 from cmsreduce.model import (
     ARITHMETIC,
     DOUBLE,
@@ -83,14 +83,14 @@ def _errors(body: FEModel) -> str:
     return f" ({', '.join(digits + noise)})" if digits or noise else ""
 
 
-def frequency_error_bars(component: ModalComponent, columns: NDArray[np.int64]) -> Array:
+def frequency_error_bars(component: ModalComponent, columns: slice | NDArray[np.int64]) -> Array:
     """Error bars of natural frequencies: how far the rounding of K and M can move them.
 
     Parameters
     ----------
     component : ModalComponent
         Modes of a body, orthonormal in M.
-    columns : (k,) int64
+    columns : slice or (k,) int64
         Its elastic modes in question.
 
     Returns
@@ -105,13 +105,13 @@ def frequency_error_bars(component: ModalComponent, columns: NDArray[np.int64]) 
     fewer digits than K. Those of the kinetic energy do not.
     """
     body, omega = component.body, component.omega[columns]
-    if not columns.size:
+    if not omega.size:
         return np.empty(0)
-    found, left = np.zeros(columns.size), body.rounding
-    if body.K.nnz * columns.size <= _REPEATED:
-        found, left = _of_repeated(body, component.Phi, columns), 0.0
+    found, left, Phi = np.zeros(omega.size), body.rounding, component.Phi[:, columns]
+    if body.K.nnz * omega.size <= _REPEATED:
+        found, left = _of_repeated(body, Phi), 0.0
     if left or body.noise:
-        found = found + _of_independent(body.K, left, body.noise, component.Phi, columns)
+        found = found + _of_independent(body.K, left, body.noise, Phi)
     moved = _DEVIATIONS * np.sqrt(found / 3) + PRINTED * body.stiffness_rounding * omega**2
     return np.asarray(moved / (2 * omega) / (2 * np.pi))
 
@@ -145,10 +145,10 @@ def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
     a mode, the more momentum it has. The second is what `orthogonality in K` judges. Coordinates that are wrong by d
     give at most d sqrt(m), because modes have unit modal mass.
     """
-    body, columns = component.body, np.arange(component.omega.size)[component.elastic]
+    body, elastic = component.body, component.Phi[:, component.elastic]
     assert body.nodes is not None
-    R = body.rigid_shapes.copy()
-    momentum, rigid = body.M @ R, np.asarray(component.Phi[:, : component.rigid_count])
+    R, momentum = body.rigid_shapes.copy(), body.rigid_momentum.copy()
+    rigid, omega = np.asarray(component.Phi[:, : component.rigid_count]), component.omega[component.elastic]
     # From the mean of the nodes, which may be far from the origin, to the centre of mass.
     to_centre = cross_matrix(rigid_mass_properties(R.T @ momentum).cg)
     for X in (R, momentum):
@@ -159,31 +159,30 @@ def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
     arm = np.where(moved < _FREE // 2, 0.0, root[:3].max() / root[moved])
     force = body.K @ (rigid @ (rigid.T @ momentum))
     found, coupled, squares = np.zeros((3, moved.size))
-    for part in column_blocks(columns.size):
-        phi = component.Phi[:, columns[part]]
+    for part in column_blocks(omega.size):
+        phi = elastic[:, part]
         found = np.maximum(found, abs(momentum.T @ phi).max(axis=1))
-        coupled = np.maximum(coupled, (abs(force.T @ phi) / component.omega[columns[part]] ** 2).max(axis=1))
+        coupled = np.maximum(coupled, (abs(force.T @ phi) / omega[part] ** 2).max(axis=1))
     if (found <= MOMENTUM).all():
         return float(found.max(initial=0.0)), MOMENTUM
     by_rounding = _squared_errors(body.K, body.rounding, body.noise)[0](R**2)
-    for part in column_blocks(columns.size):
-        phi = np.square(component.Phi[:, columns[part]])
+    for part in column_blocks(omega.size):
         # A mirror image has the same error, and so may others: the terms of an element repeat with either sign.
-        squares += 8 * np.sum((by_rounding.T @ phi) / component.omega[columns[part]] ** 4, axis=1)
+        squares += 8 * np.sum((by_rounding.T @ np.square(elastic[:, part])) / omega[part] ** 4, axis=1)
     places = _PLACES * (body.nodes.xyz_rounding * arm + body.nodes.frame_rounding)
     allowed = np.maximum(_DEVIATIONS * np.sqrt(squares / 3) + coupled + places, MOMENTUM)
     worst = int(np.argmax(found / allowed))
     return float(found[worst]), float(allowed[worst])
 
 
-def _of_repeated(body: FEModel, Phi: Array, columns: NDArray[np.int64]) -> Array:
+def _of_repeated(body: FEModel, Phi: Array) -> Array:
     """Sum of squares of the largest changes of w^2 by each different number in K (k,)."""
     entries = sp.coo_array(sp.triu(body.K))
     value, at = np.unique(abs(entries.data), return_inverse=True)
     # A number below the diagonal is that above it.
     twice = np.where(entries.row == entries.col, 1.0, 2.0)
     squares, sign = entry_errors(value, body.rounding) ** 2, twice * np.sign(entries.data)
-    shapes = (np.asarray(Phi[:, column]) for column in columns)
+    shapes = (np.asarray(phi) for phi in Phi.T)
     return np.array(
         [
             squares @ np.bincount(at, sign * phi[entries.row] * phi[entries.col], minlength=value.size) ** 2
@@ -192,13 +191,13 @@ def _of_repeated(body: FEModel, Phi: Array, columns: NDArray[np.int64]) -> Array
     )
 
 
-def _of_independent(K: sp.csc_array, rounding: float, noise: float, Phi: Array, columns: NDArray[np.int64]) -> Array:
+def _of_independent(K: sp.csc_array, rounding: float, noise: float, Phi: Array) -> Array:
     """Sum of squares of the largest changes of w^2 by each entry of K and its mirror image (k,)."""
     product, diagonal = _squared_errors(K, rounding, noise)
-    found = np.zeros(columns.size)
-    for part in column_blocks(columns.size):
+    found = np.zeros(Phi.shape[1])
+    for part in column_blocks(found.size):
         # By rows, as the product reads and writes them.
-        phi = np.square(Phi[:, columns[part]], order="C")
+        phi = np.square(Phi[:, part], order="C")
         # Twice each pair of entries, and once the diagonal.
         found[part] = 2 * np.einsum("ij,ij->j", phi, product(phi)) - diagonal @ np.square(phi, out=phi)
     return found
@@ -214,7 +213,7 @@ def _squared_errors(K: sp.csc_array, rounding: float, noise: float) -> tuple[Pro
     # The noise of a row is the sum of those of its entries.
     per_entry = noise * own / np.sqrt(np.maximum(np.diff(K.indptr), 1))
 
-    def entries(part: sp.csr_array, rows: slice) -> Array:
+    def entries(part: Rows, rows: slice) -> Array:
         errors = entry_errors(part.data, rounding)
         if noise > 0:
             of_row = np.repeat(own[rows], np.diff(part.indptr))

@@ -127,7 +127,7 @@ def free_mass(body: FEModel) -> FreeMass:
     size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
     along = _moving_directions(body, body.nodes)
     condensed = not body.keeps_its_nodes or bool((body.dofs.component == SCALAR).any())
-    return FreeMass(along, R.T @ (body.M @ R), size, turns=along.size == R.shape[1] // 2 or not condensed)
+    return FreeMass(along, R.T @ body.rigid_momentum, size, turns=along.size == R.shape[1] // 2 or not condensed)
 
 
 def _moving_directions(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
@@ -139,7 +139,7 @@ def _moving_directions(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
     if not rows.size:
         return np.empty(0, dtype=np.int64)
     _, of = np.unique(dofs.node[rows], return_inverse=True)
-    R = rigid_body_shapes(dofs[rows], nodes)
+    R = body.rigid_shapes[rows] if dofs is body.dofs else rigid_body_shapes(dofs[rows], nodes)
     moved = np.array([np.bincount(of, weights=R[:, axis] ** 2) for axis in range(3)])
     free = (moved > 1 - _WHOLE).all(axis=1)
     if body.constrained is not None:

@@ -18,6 +18,7 @@ from cmsreduce.linalg.blocks.basis import (
 )
 from cmsreduce.linalg.blocks.products import (
     Product,
+    Rows,
     absolute_product,
     column_blocks,
     congruence,
@@ -42,6 +43,7 @@ from cmsreduce.linalg.blocks.tall_blocks import (
 
 __all__ = [
     "Product",
+    "Rows",
     "SearchSpace",
     "absolute_parts",
     "absolute_product",

@@ -72,6 +72,8 @@ def _with_threads(threads: int) -> Iterator[ctypes.CDLL]:
     library, openmp = mkl_library(), _openmp()
     assert library is not None
     before = library.MKL_Set_Num_Threads_Local(ctypes.c_int(threads))
+    # One thread spins for no other one.
+    openmp = openmp if threads > 1 else None
     spin = openmp.kmp_get_blocktime() if openmp is not None else 0
     if openmp is not None:
         openmp.kmp_set_blocktime(_SPIN)
@@ -149,13 +151,15 @@ class _Description(ctypes.Structure):
 
 
 class SparseMatrix:
-    """Square sparse matrix for MKL's products with blocks of vectors (inspector-executor routines).
+    """Sparse matrix for MKL's products with blocks of vectors (inspector-executor routines).
 
     Parameters
     ----------
     starts, indices : int32
         Starts and column numbers of the compressed rows.
     data : float64
+    columns : int, optional
+        Number of columns; that of the rows if absent.
 
     Raises
     ------
@@ -163,14 +167,21 @@ class SparseMatrix:
         If MKL refuses the arrays.
     """
 
-    def __init__(self, starts: NDArray[np.int32], indices: NDArray[np.int32], data: NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        starts: NDArray[np.int32],
+        indices: NDArray[np.int32],
+        data: NDArray[np.float64],
+        columns: int | None = None,
+    ) -> None:
         # MKL reads these arrays in every product: they must stay alive.
         self._arrays, self._handle = (starts, indices, data), ctypes.c_void_p()
-        library, size = mkl_library(), ctypes.c_int(starts.size - 1)
+        library, rows = mkl_library(), starts.size - 1
         assert library is not None
+        size = ctypes.c_int(rows), ctypes.c_int(rows if columns is None else columns)
         ends = ctypes.c_void_p(starts.ctypes.data + starts.itemsize)
         if library.mkl_sparse_d_create_csr(
-            *(ctypes.byref(self._handle), 0, size, size, _at(starts), ends, _at(indices), _at(data))
+            *(ctypes.byref(self._handle), 0, *size, _at(starts), ends, _at(indices), _at(data))
         ):
             raise ValueError("MKL refuses the sparse matrix")
         weakref.finalize(self, library.mkl_sparse_destroy, self._handle)

@@ -256,7 +256,7 @@ def _mechanisms(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
     whole, shapes = _shown_motions(body), _rigid_shapes(body)
     if shapes is None or not whole or not rigid.shape[1]:
         return []
-    momentum = np.asarray(body.M @ shapes)
+    momentum = body.rigid_momentum
     others = rigid - shapes @ np.linalg.lstsq(shapes.T @ momentum, momentum.T @ rigid)[0]
     # The modes are orthonormal in mass.
     count = int((np.linalg.eigvalsh(others.T @ (body.M @ others)) > _OTHER).sum())

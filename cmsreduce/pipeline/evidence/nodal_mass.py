@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks import symmetric_product
 from cmsreduce.model import SCALAR, FEModel, cross_matrix, entry_errors
 
 __all__ = [
@@ -72,7 +71,7 @@ def momentum_of_nodes(body: FEModel) -> tuple[NDArray[np.int64], Array]:
     rows = np.flatnonzero((body.dofs.component > 0) & (body.dofs.component <= 3))
     ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
     of_node = sp.csr_array((np.ones(rows.size), (of, np.arange(rows.size))))
-    P = of_node @ (R[rows, :, None] * symmetric_product(body.M)(R)[rows, None, :]).reshape(-1, 9)
+    P = of_node @ (R[rows, :, None] * body.rigid_momentum[rows, None, :3]).reshape(-1, 9)
     return ids, np.asarray(P).reshape(-1, 3, 3)
 
 

@@ -226,7 +226,7 @@ def mode_count(name: str, certificate: ModeCertificate | None) -> Proof:
 def _error_bars_hz(run: Run, name: str) -> NDArray[np.float64]:
     """Error bars of the elastic modes of a body."""
     modes = run.final[name]
-    return frequency_error_bars(modes, np.arange(modes.omega.size)[modes.elastic])
+    return frequency_error_bars(modes, modes.elastic)
 
 
 def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]]:

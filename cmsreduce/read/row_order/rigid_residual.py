@@ -158,14 +158,14 @@ def rigid_residual(
     scale = own[:, None] * np.max(own[:, None] * np.abs(shapes), axis=0, initial=0.0)
     misplaced = _misplaced(dofs, nodes, arms)
     of_each = absolute_product(K)(np.hstack([np.abs(shapes), misplaced]))
-    terms, (round_off, shifted, twisted, skewed) = of_each[:, : motions.shape[1]], of_each[:, motions.shape[1] :].T
+    terms, of_errors = np.hsplit(of_each, [motions.shape[1]])
     turn, reach = np.linalg.norm(motions[3:], axis=0) / length, np.linalg.norm(motions[:3], axis=0)
 
     def moved(xyz_rounding: float, frame_rounding: float) -> Array:
         """Forces of coordinates and frames of such rounding; both have the round-off of their coordinate systems."""
         skew = frame_rounding + _FRAMES
-        by_turning = _FRAMES * round_off + xyz_rounding * shifted + skew * twisted
-        return np.asarray(_COORDINATES * (np.outer(by_turning, turn) + np.outer(skew * skewed, reach)))
+        by_error = np.vstack([_FRAMES * turn, xyz_rounding * turn, skew * turn, skew * reach])
+        return np.asarray(of_errors @ (_COORDINATES * by_error))
 
     explained = _DIGITS * rounding * terms + moved(0.0, 0.0) + ARITHMETIC * scale
     at = np.abs(force)
