@@ -16,6 +16,7 @@ from cmsreduce.model import FEModel, Finding, Proof
 from cmsreduce.pipeline.evidence import (
     BOUNDED,
     EXACT,
+    NodesAgainstDeck,
     against_deck,
     directions_against_deck,
     energy_ratios,
@@ -136,21 +137,26 @@ def prove_body(
     density : str
         The density of the body in words, to compare where no deck states its mass.
     """
-    checks, row_proof = _rows(rows)
-    stiffness, stiffness_proof = _stiffness(body, stated[1], rows, negative["stiffness"])
+    energy, free = stated[1], rows.status == "proven" and rows.motions == _ALL_MOTIONS
+    at_nodes = None if energy is None or energy.at_nodes is None else nodes_against_deck(body, energy.at_nodes, free)
+    checks, row_proof = _rows(rows, at_nodes)
+    stiffness, stiffness_proof = _stiffness(body, energy, at_nodes, negative["stiffness"])
     mass, mass_proof = _mass(body, tied, stated[0], rows, order, negative["mass"], density)
     return Proven((*checks, *stiffness, *mass), (row_proof, stiffness_proof, mass_proof))
 
 
-def _rows(found: RowOrderProof) -> tuple[list[Finding], Proof]:
+def _rows(found: RowOrderProof, local: NodesAgainstDeck | None) -> tuple[list[Finding], Proof]:
     if found.status == "trusted":
         return [], Proof("row order", "trusted", remark=f"`rows: trusted`; {found.remark}")
     if found.status != "proven":
         return [], Proof("row order", "unproven", remark=found.remark)
     digits = -math.log10(max(found.residual, found.tolerance, 2.0**-53))
     remark = found.remark or f"K times {found.motions} rigid motions vanishes"
-    check = Finding(RIGID_MOTIONS, found.residual, found.tolerance)
-    return [check], Proof("row order", "proven", digits, remark)
+    check, only = Finding(RIGID_MOTIONS, found.residual, found.tolerance), found.hidden.only
+    if only and local is not None and local.check.passed and local.compared == local.nodes:
+        only = ""
+    remark += f"; {found.hidden.remark}" if only else ""
+    return [check], Proof("row order", "proven", digits, remark, only=only)
 
 
 def _digits(body: FEModel) -> float:
@@ -158,7 +164,7 @@ def _digits(body: FEModel) -> float:
 
 
 def _stiffness(
-    body: FEModel, stated: StatedEnergy | None, rows: RowOrderProof, negative: int | None
+    body: FEModel, stated: StatedEnergy | None, local: NodesAgainstDeck | None, negative: int | None
 ) -> tuple[list[Finding], Proof]:
     if negative:
         return [], Proof("stiffness", "refuted", remark=f"{negative} motions have negative energy")
@@ -180,8 +186,6 @@ def _stiffness(
         bounds = "" if stated.exact or only else " within the bounds of its plates and bars"
         bounds = " to a tenth, as stress by a load may add to it" if stated.stressed else bounds
         agree.append(f"under uniform strain{bounds}{only}")
-    free = rows.status == "proven" and rows.motions == _ALL_MOTIONS
-    local = None if stated is None or stated.at_nodes is None else nodes_against_deck(body, stated.at_nodes, free)
     if local is not None:
         checks.append(local.check)
         if not local.check.passed:

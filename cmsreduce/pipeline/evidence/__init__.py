@@ -20,12 +20,13 @@ from cmsreduce.pipeline.evidence.nodal_mass import (
     lumps,
     moments_toward_neighbours,
 )
-from cmsreduce.pipeline.evidence.nodal_stiffness import nodes_against_deck
+from cmsreduce.pipeline.evidence.nodal_stiffness import NodesAgainstDeck, nodes_against_deck
 from cmsreduce.pipeline.evidence.point_masses import points_against_deck, without_points
 
 __all__ = [
     "BOUNDED",
     "EXACT",
+    "NodesAgainstDeck",
     "against_deck",
     "energy_ratios",
     "directions_against_deck",

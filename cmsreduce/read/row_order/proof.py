@@ -22,6 +22,7 @@ from cmsreduce.read.row_order.likely_cause import (
 )
 from cmsreduce.read.row_order.quiet_rows import mistaken_matrices
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual, without_idle_turns
+from cmsreduce.read.row_order.rows_of_nodes import NONE_HIDDEN, HiddenRows, prove_rows_of_nodes
 
 __all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
 
@@ -56,6 +57,8 @@ class RowOrderProof:
         True if all six motions vanish with the coordinates as they are, whatever their digits.
     xyz_rounding : float
         Error of the coordinates, beyond the digits that they show, that explains the forces; 0 without a proof.
+    hidden : HiddenRows
+        Rows that a proof leaves out.
     """
 
     status: str
@@ -67,6 +70,7 @@ class RowOrderProof:
     noise: float = 0.0
     exact: bool = False
     xyz_rounding: float = 0.0
+    hidden: HiddenRows = NONE_HIDDEN
 
     def estimated(self, body: FEModel) -> FEModel:
         """The body with the errors of K and of the coordinates that the proof found."""
@@ -143,11 +147,12 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
     if body.nodes is None:
         return RowOrderProof("no geometry", remark="without coordinates the row order cannot be proven")
     try:
-        return _by_rigid_motions(body, body.nodes)
+        proof = _by_rigid_motions(body, body.nodes)
     except DofMapError as error:
         if (cause := _emptied_supports(body, body.nodes)) is None:
             raise
         raise DofMapError(f"{str(error).partition('. Likely cause')[0]}. Likely cause: {cause}") from None
+    return replace(proof, hidden=prove_rows_of_nodes(body, body.nodes)) if proof.status == "proven" else proof
 
 
 def _emptied_supports(body: FEModel, nodes: Nodes) -> str | None:
