@@ -253,6 +253,7 @@ def _mass(
     if stated is not None:
         found, by_deck = _mass_by_deck(body, stated, free, order)
         checks += found
+        apart += "".join({f"; {check.note}": None for check in found if check.note})
         if by_deck:
             ordered, evidence = True, by_deck
     # Masses beside their grids, once they are found as stated, would hide the moments of the rest.

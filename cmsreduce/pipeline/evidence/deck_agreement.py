@@ -145,15 +145,15 @@ def known_dofs(body: FEModel) -> DofTable:
     return body.dofs if body.constrained is None else body.dofs.joined(body.constrained)
 
 
-def masses_move(body: FEModel, nodal: Array) -> bool:
-    """True if rows or supports have all directions of each node with mass (N,), so that no other node carries it.
+def masses_move(body: FEModel, nodal: Array) -> NDArray[np.bool_]:
+    """True for nodes (N,) without mass (N,), or with all their rows and supports, so that no other node carries it.
 
     A hinge, or an equation of one direction, leaves a node its other rows. A plane body has no third direction.
     """
     assert body.nodes is not None
     along = [direction for direction in (1, 2, 3) if (body.dofs.component == direction).any()]
-    known = known_dofs(body).rows(body.nodes.id[nodal != 0][:, None], along)
-    return bool((known >= 0).all())
+    known = known_dofs(body).rows(body.nodes.id[:, None], along).reshape(len(body.nodes), -1)
+    return np.asarray((known >= 0).all(axis=1) | (nodal == 0))
 
 
 def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | None:

@@ -29,6 +29,7 @@ _NAMED, _MOST_NODES = 5, 600
 _ONE_MASS = 1e-6
 # Roundings of the file that add up over a node.
 _ROUNDINGS = 1e3
+_TOGETHER = "as a whole at nodes that constraints join: {}"
 
 
 def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding | None:
@@ -46,21 +47,25 @@ def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding
     Returns
     -------
     Finding or None
-        Largest difference at a node relative to its mass. None if no exchange of nodes explains a difference, as where
-        masses are spread over nodes, or if heavy nodes have no rows and no exchange is found.
+        Largest difference at a node relative to its mass, or of nodes together that constraints join. None if no
+        exchange of nodes explains a difference, as where masses are spread over nodes, or if heavy nodes have no rows
+        and no exchange is found.
     """
     assert body.nodes is not None
     ids, P = momentum_of_nodes(body)
     at = body.nodes.index(ids)
     found, stated = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
-    whole = comparable and masses_move(body, nodal)
+    off = _apart(found, stated, stated.max(initial=0.0))
+    joined = _joined(body, nodal, ids, found, off) if comparable else None
+    whole = joined is not None
     # Condensation moves a part of the mass of each node to its neighbours.
     wrong_by, like = (_SAME, _SAME) if whole else (_OTHER, _LIKE)
-    off = _apart(found, stated, stated.max(initial=0.0))
-    name = "mass of each node against the deck"
+    name, note = "mass of each node against the deck", ""
+    if joined is not None and joined.any():
+        off[joined], note = 0.0, _TOGETHER.format(named_nodes(ids[joined]))
     wrong = np.flatnonzero((off > wrong_by) & (whole or away_from_supports(body, ids)))
     if not wrong.size:
-        return Finding(name, float(off.max(initial=0.0)), _SAME) if whole else None
+        return Finding(name, float(off.max(initial=0.0)), _SAME, note) if whole else None
     wrong = wrong[np.argsort(-off[wrong], kind="stable")][:_MOST_NODES]
     here = _apart(found[wrong][:, None], stated[wrong], stated.max()) <= like
     exchanged = [(k, int(here[k].argmax())) for k in range(wrong.size) if here[k].any() and here[:, k].any()]
@@ -84,20 +89,22 @@ def nodes_times_deck(body: FEModel, nodal: Array) -> Finding | None:
     -------
     Finding or None
         Difference of the ratio that most nodes have, or else the largest one of a node, in each direction. None if
-        these nodes have no ratio in common, or if a node with mass has neither rows nor supports: its mass is at other
-        nodes then.
+        these nodes have no ratio in common, or if the masses of nodes that constraints join are not theirs together.
     """
     assert body.nodes is not None
     ids, P = momentum_of_nodes(body)
     at = body.nodes.index(ids)
-    if not masses_move(body, nodal):
-        return None
     # Along a direction without rows a node shows no mass.
     whole = (body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3) >= 0).all(axis=1)
     whole &= away_from_supports(body, ids) & (abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0))
-    ids, P, stated = ids[whole], P[whole], nodal[at[whole]]
-    ratio = np.trace(P, axis1=1, axis2=2) / 3 / stated
-    most = float(np.median(ratio)) if ratio.size else 0.0
+    found, share = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
+    most = float(np.median(found[whole] / share[whole])) if whole.any() else 0.0
+    joined = _joined(body, most * nodal, ids, found, _apart(found, most * share, abs(most * share).max()), whole)
+    if joined is None:
+        return None
+    whole, note = whole & ~joined, _TOGETHER.format(named_nodes(ids[joined])) if joined.any() else ""
+    ids, P, stated = ids[whole], P[whole], share[whole]
+    ratio = found[whole] / stated
     if (abs(ratio - most) <= _SAME * abs(most)).sum() <= _MOST * ratio.size:
         return None
     name = "mass against the deck, of nodes away from supports"
@@ -107,7 +114,7 @@ def nodes_times_deck(body: FEModel, nodal: Array) -> Finding | None:
     order = np.argsort(-off, kind="stable")
     wrong, first = order[off[order] > EXACT], order[0]
     words = "in one of its directions" if abs(ratio[first] - 1) <= EXACT else ratio_in_words(ratio[first], ratio[first])
-    note = f"at node {named_nodes(ids[wrong])}; at the first {words}" if wrong.size else ""
+    note = f"at node {named_nodes(ids[wrong])}; at the first {words}" if wrong.size else note
     return Finding(name, float(off[first]), EXACT, note)
 
 
@@ -150,6 +157,41 @@ def directions_against_deck(body: FEModel, stated: StatedMass) -> Finding | None
     wrong = np.argsort(-off, kind="stable")[: (off > limit).sum()]
     note = f"at node {named_nodes(ids[wrong])}: solids have one mass in all directions" if wrong.size else ""
     return Finding("mass matrix: coupling of x, y and z", float(off.max(initial=0.0)), limit, note)
+
+
+def _joined(
+    body: FEModel, nodal: Array, ids: NDArray[np.int64], found: Array, off: Array, seen: NDArray[np.bool_] | bool = True
+) -> NDArray[np.bool_] | None:
+    """Nodes (k,) that carry each other's mass, as those of hinges do; None if their masses together are not the deck's.
+
+    Parameters
+    ----------
+    body : FEModel
+        As read, with the deck's nodes.
+    nodal : (N,) float64
+        Mass of the deck at each node.
+    ids : (k,) int64
+        Nodes with rows.
+    found, off : (k,) float64
+        Their masses in the matrix, and the differences from the deck, relative.
+    seen : (k,) bool
+        True for those whose whole mass is in the matrix.
+    """
+    assert body.nodes is not None
+    lost = ~masses_move(body, nodal)
+    if not lost.any():
+        return np.zeros(ids.size, dtype=bool)
+    at = body.nodes.index(ids)
+    some, stated = lost[at], nodal[at]
+    gone = nodal[lost].sum() - found[some].sum()
+    # The masses at nodes that lead are larger by those of the nodes that follow, one for each.
+    others = np.flatnonzero((off > _SAME) & seen & ~some)
+    others = others[np.argsort(stated[others] - found[others], kind="stable")][: int(lost.sum())]
+    left = abs(np.cumsum(found[others] - stated[others]) - gone) <= _SAME * (gone + np.cumsum(stated[others]))
+    if not left.any():
+        return None
+    some[others[: int(left.argmax()) + 1]] = True
+    return some
 
 
 def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:

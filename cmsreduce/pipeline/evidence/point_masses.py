@@ -42,7 +42,7 @@ def points_against_deck(body: FEModel, stated: StatedMass) -> Finding | None:
     rows = body.dofs.rows(ids[:, None], np.arange(1, 7)).reshape(-1, 6)
     inertia = abs(points[:, 3:, 3:]).max(axis=(1, 2))
     turns = known_dofs(body).rows(ids[inertia > 0][:, None], np.arange(4, 7)) >= 0
-    if not masses_move(body, stated.nodal) or not turns.all():
+    if not masses_move(body, stated.nodal).all() or not turns.all():
         return None
     at = np.flatnonzero((inertia > 0) & (rows >= 0).all(axis=1) & np.isfinite(turning).all(axis=1))
     if not at.size:

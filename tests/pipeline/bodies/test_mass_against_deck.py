@@ -106,18 +106,29 @@ def hinged(M: sp.csc_array, body: FEModel, components: tuple[int, ...]) -> FEMod
 
 @pytest.mark.parametrize("components", [(1, 2, 3), (1, 2, 3, 4, 5), (2, 3, 4, 5, 6)])
 @pytest.mark.parametrize("lumped", [False, True])
-def test_mass_of_a_hinge_at_its_other_node_is_sound(tmp_path: Path, components: tuple[int, ...], lumped: bool) -> None:
-    """The node that follows keeps some of its rows, without its mass."""
+@pytest.mark.parametrize("wrong", [(), (14,), (4, 14)])
+def test_nodes_beside_a_hinge_are_compared(
+    tmp_path: Path, components: tuple[int, ...], lumped: bool, wrong: tuple[int, ...]
+) -> None:
+    """The node that follows keeps some of its rows, without its mass; the mass of its hinge is compared as a whole."""
     xyz = [[0.1 * min(i, 8), 0.1 * max(i - 8, 0), 0] for i in [*range(9), *range(8, 17)]]
     bars = [(i, i + 1) for i in range(1, 18) if i != 9]
     body = frame("part", xyz, bars)
     moving = body.dofs.component <= 3
     mass = np.where(moving, body.M @ (body.rigid_shapes[:, :3].sum(axis=1) * moving), 1e-9)
-    M = sp.csc_array(sp.diags_array(mass)) if lumped else body.M
+    # Two nodes exchange a part of their mass, one has more.
+    factor = np.ones(body.n)
+    for node, more in zip(wrong, (0.04, -0.04), strict=False):
+        factor[body.dofs.node == node] += more
+    S = sp.diags_array(np.sqrt(factor))
+    M = sp.csc_array(S @ (sp.diags_array(mass) if lumped else body.M) @ S)
     deck = [*bar_cards(bars, xyz), "SPC1,1,123456,1", f"RBE2,90,9,{''.join(map(str, components))},10"]
     found = opened(tmp_path, hinged(M, body, components), deck)
-    assert not [check for check in found.checks if not check.passed]
-    assert proof_of(found, "mass").state == ("unproven" if lumped else "proven")
+    proof = proof_of(found, "mass")
+    assert proof.state == ("refuted" if wrong else "proven")
+    if not wrong:
+        assert not [check for check in found.checks if not check.passed]
+        assert "as a whole at nodes that constraints join: 9" in proof.remark
 
 
 @pytest.mark.parametrize(("heavy", "far"), [(1e5, 0.0), (100.0, 2e3)])
