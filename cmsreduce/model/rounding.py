@@ -61,8 +61,9 @@ _FEWEST_NODES = 4
 _SAMPLE, _FEWEST_VALUES = 4000, 4
 # Rounding to d digits leaves d digits in nine numbers of ten. Products of typed numbers vary in their digits.
 _ALIKE = 0.7
-# Fewer digits are typed, more are those of a double.
+# Fewer digits are typed, unless many numbers have them; more are those of a double.
 _FEWEST_DIGITS, _MOST_DIGITS = 6, 14
+_FEW_DIGITS, _MANY_VALUES = 4, 100
 # Bits of the exponent of a double.
 _EXPONENT = 0x7FF << 52
 # Bits of the mantissa of a single-precision number. A shorter number may be exact; a number that was rounded needs all
@@ -72,13 +73,15 @@ _SINGLE_BITS, _LONG_BITS, _LONG_SHARE = 24, 20, 0.5
 _PRINTED_SINGLE = 1e-11
 
 
-def rounding_of_values(values: Array) -> float:
+def rounding_of_values(values: Array, *, few: bool = False) -> float:
     """Rounding that the stored numbers of a matrix show, whatever the type of its file.
 
     Parameters
     ----------
     values : (k,) float64
         Entries as read.
+    few : bool
+        True to believe less than six digits, too, if a hundred different numbers have them.
 
     Returns
     -------
@@ -103,7 +106,7 @@ def rounding_of_values(values: Array) -> float:
     sample = np.unique(abs(sample))
     if sample.size < _FEWEST_VALUES:
         return DOUBLE
-    return SINGLE if _are_single(sample, values) else _decimal_rounding(sample)
+    return SINGLE if _are_single(sample, values) else _decimal_rounding(sample, few)
 
 
 def _entries(values: Array) -> Array:
@@ -133,7 +136,7 @@ def _fit_single(values: Array) -> bool:
         return bool((abs(values.astype(np.float32) - values) <= _PRINTED_SINGLE * abs(values)).all())
 
 
-def _decimal_rounding(sample: Array) -> float:
+def _decimal_rounding(sample: Array, few: bool) -> float:
     """Half a unit of the last digit if most numbers have the same number of decimal digits and none has more."""
     # Multiples by ten are one number.
     lengths: dict[str, int] = {}
@@ -147,7 +150,8 @@ def _decimal_rounding(sample: Array) -> float:
     of_all = np.array(list(lengths.values()))
     most = int(of_all.max(initial=0))
     alike = of_all.size >= _FEWEST_VALUES and np.mean(of_all == most) >= _ALIKE
-    return 0.5 * 10.0**-most if alike and most >= _FEWEST_DIGITS else DOUBLE
+    fewest = _FEW_DIGITS if few and of_all.size >= _MANY_VALUES else _FEWEST_DIGITS
+    return 0.5 * 10.0**-most if alike and most >= fewest else DOUBLE
 
 
 def last_digits(values: Array) -> tuple[float, int] | None:

@@ -18,6 +18,7 @@ from cmsreduce.verify.body_matrices import (
     cancelled_masses,
     grounding,
     light_dofs,
+    mass_rounding,
     negative_directions,
     stiffness_contrast,
 )
@@ -134,6 +135,7 @@ __all__ = [
     "integral_change",
     "judged_zeros",
     "light_dofs",
+    "mass_rounding",
     "locked_index",
     "mass_change",
     "momentum_balance",

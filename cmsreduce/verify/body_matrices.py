@@ -11,7 +11,7 @@ import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.sparse import factorise, hand_down_order, share_order
-from cmsreduce.model import CONDENSATION, DOUBLE, PRINTED, FEModel, entry_errors
+from cmsreduce.model import CONDENSATION, DOUBLE, PRINTED, FEModel, entry_errors, rounding_of_values
 
 __all__ = [
     "Contrast",
@@ -20,6 +20,7 @@ __all__ = [
     "cancelled_masses",
     "grounding",
     "light_dofs",
+    "mass_rounding",
     "negative_directions",
     "stiffness_contrast",
 ]
@@ -73,6 +74,11 @@ def negative_directions(
             return None
         count += copies * int(factor.negative_pivots)
     return count
+
+
+def mass_rounding(body: FEModel) -> float:
+    """Rounding of the mass of a body, whose numbers may have fewer digits than those of the stiffness."""
+    return max(body.rounding, rounding_of_values(body.M.data, few=True))
 
 
 def cancelled_masses(body: FEModel) -> Array:

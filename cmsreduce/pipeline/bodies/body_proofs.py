@@ -39,6 +39,7 @@ from cmsreduce.verify import (
     cancelled_masses,
     free_mass,
     inertia_excess,
+    mass_rounding,
     negative_directions,
     rigid_mass_properties,
 )
@@ -105,10 +106,11 @@ def definite(body: FEModel, proven: Array | None, as_read: FEModel | None = None
     if smallest is None:
         # Ties keep energy; before them the three directions of a solid are not coupled, and one of them tells all.
         as_read = as_read or body
+        digits = mass_rounding(as_read)
         if as_read.n != body.n:
             lend_order(body.K, as_read.dofs.rows(body.dofs.node, body.dofs.component), as_read.M)
         cancelled = cancelled_masses(as_read)
-        mass = negative_directions(as_read.M, as_read.rounding, as_read.dofs.component, cancelled)
+        mass = negative_directions(as_read.M, digits, as_read.dofs.component, cancelled)
         return {"stiffness": stiffness, "mass": mass}
     return {"stiffness": stiffness, "mass": int((smallest < -_DEFINITE).sum())}
 
@@ -141,6 +143,8 @@ def prove_body(
     at_nodes = None if energy is None or energy.at_nodes is None else nodes_against_deck(body, energy.at_nodes, free)
     checks, row_proof = _rows(rows, at_nodes)
     stiffness, stiffness_proof = _stiffness(body, energy, at_nodes, negative["stiffness"])
+    if (digits := mass_rounding(body)) > body.rounding:
+        body, tied = (replace(each, rounding=digits) for each in (body, tied))
     mass, mass_proof = _mass(body, tied, stated[0], rows, order, negative["mass"], density)
     return Proven((*checks, *stiffness, *mass), (row_proof, stiffness_proof, mass_proof))
 
