@@ -152,7 +152,9 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
         if (cause := _emptied_supports(body, body.nodes)) is None:
             raise
         raise DofMapError(f"{str(error).partition('. Likely cause')[0]}. Likely cause: {cause}") from None
-    return replace(proof, hidden=prove_rows_of_nodes(body, body.nodes)) if proof.status == "proven" else proof
+    if proof.status != "proven":
+        return proof
+    return replace(proof, hidden=prove_rows_of_nodes(body, body.nodes, proof.tolerance))
 
 
 def _emptied_supports(body: FEModel, nodes: Nodes) -> str | None:

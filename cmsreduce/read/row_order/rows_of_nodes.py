@@ -21,8 +21,9 @@ __all__ = ["NONE_HIDDEN", "HiddenRows", "prove_rows_of_nodes"]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-# Places and directions, relative to the size of the body, that rigid motions do not tell apart.
-_ALIKE = 1e-5
+# Places and directions, relative to the size of the body, that rigid motions do not tell apart: in so many times the
+# round-off of the forces, but within these bounds.
+_ROUND_OFF, _NEAREST, _FARTHEST = 1e3, 1e-9, 1e-5
 # More than the translations of a node.
 _ALL = 9
 # Rows that are put back leave at most this share of the nodes that they should not couple.
@@ -56,7 +57,7 @@ NONE_HIDDEN = HiddenRows()
 """Every row is shown."""
 
 
-def prove_rows_of_nodes(body: FEModel, nodes: Nodes) -> HiddenRows:
+def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> HiddenRows:
     """Look for rows of one node among those of another, in a stiffness that costs no rigid motion a force.
 
     Parameters
@@ -65,6 +66,8 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes) -> HiddenRows:
         n dofs.
     nodes : Nodes
         Its geometry.
+    tolerance : float
+        Relative force that round-off may leave under rigid motion.
 
     Raises
     ------
@@ -74,7 +77,7 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes) -> HiddenRows:
     unsettled = _of_several_surroundings(body)
     if not unsettled.any():
         return NONE_HIDDEN
-    kind, several = _kinds(body, nodes)
+    kind, several = _kinds(body, nodes, min(max(_ROUND_OFF * tolerance, _NEAREST), _FARTHEST))
     rows = np.flatnonzero(unsettled & several)
     if not rows.size:
         return NONE_HIDDEN
@@ -122,15 +125,15 @@ def _of_several_surroundings(body: FEModel) -> Flags:
     return np.asarray(np.isin(node, node[mixed]) & (body.dofs.component > 0) & (around != 0))
 
 
-def _kinds(body: FEModel, nodes: Nodes) -> tuple[Indices, Flags]:
-    """Number (n,) that rows share which move alike under every rigid motion, and True for those that share it."""
+def _kinds(body: FEModel, nodes: Nodes, same: float) -> tuple[Indices, Flags]:
+    """Number (n,) that rows share which every rigid motion moves the same, and True for those that share it."""
     rows = np.flatnonzero(body.dofs.component > 0)
     R = rigid_body_shapes(body.dofs[rows], nodes, nodes.xyz.mean(axis=0))
     R[:, 3:] /= np.where(body.dofs.component[rows] > 3, 1.0, float(np.ptp(nodes.xyz, axis=0).max()) or 1.0)[:, None]
     place = np.empty(R.shape, dtype=np.int64)
     for column in range(R.shape[1]):
         order = np.argsort(R[:, column], kind="stable")
-        steps = np.diff(R[order, column], prepend=R[order[:1], column]) > _ALIKE
+        steps = np.diff(R[order, column], prepend=R[order[:1], column]) > same
         place[order, column] = np.cumsum(steps)
     order = np.lexsort(place.T)
     kind = np.full(body.n, -1)
