@@ -155,6 +155,8 @@ class StatedNodes(NamedTuple):
         Pairs of nodes that bars and springs alone couple.
     led : (N,) int64, optional
         Position of the node that each node without rows follows rigidly; -1 for none.
+    solids : tuple of (e, k) int64
+        Positions of the nodes of all solids.
     """
 
     stiffness: sp.csr_array
@@ -166,6 +168,7 @@ class StatedNodes(NamedTuple):
     plates: StatedPlates | None = None
     links: NDArray[np.int64] | None = None
     led: NDArray[np.int64] | None = None
+    solids: tuple[NDArray[np.int64], ...] = ()
 
 
 class StatedEnergy(NamedTuple):

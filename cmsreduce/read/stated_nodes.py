@@ -93,7 +93,9 @@ def sum_at_nodes(
     # Forces are linear in the slopes: six sums at each node make all of its eighteen forces.
     sums, terms = np.zeros((6, count)), np.zeros(count)
     solid, sure, barred = (np.zeros(count, dtype=bool) for _ in range(3))
+    shapes = []
     for nodes, slopes, G, lame in solids:
+        shapes.append(nodes)
         at = nodes.ravel()
         weighted = [weight[:, None] * slopes[:, :, k] for weight in (G, lame) for k in range(3)]
         sums += [np.bincount(at, each.ravel(), count) for each in weighted]
@@ -110,4 +112,6 @@ def sum_at_nodes(
         sure |= plates.touch(np.ones(len(plates.flat), dtype=bool), count)
     sure[unknown] = False
     K = sp.csr_array((6 * count, 6 * count)) if stiffness is None else stiffness
-    return StatedNodes(K, force, terms, sure, solid, barred, plates) if sure.any() else None
+    if not sure.any():
+        return None
+    return StatedNodes(K, force, terms, sure, solid, barred, plates, solids=tuple(shapes))

@@ -21,6 +21,7 @@ from cmsreduce.pipeline.evidence import (
     directions_against_deck,
     energy_ratios,
     exchanges_hidden,
+    fields_in_words,
     generalised_coordinates,
     links_against_deck,
     lumps,
@@ -214,7 +215,7 @@ def _stiffness(
         if stated is not None and (stated.high is None or found is None) and not every and not shown:
             shown = "lower bound" if local is None else "some nodes"
             remark += ": compare its frequencies"
-        shown = shown if negative == 0 else ""
+        shown = (shown or fields_in_words(stated)) if negative == 0 else ""
         return checks, Proof("stiffness", state, digits, remark, only=shown)
     counted = stated is not None and stated.nodes.size
     why = "no uniform strain leaves its supports" if counted else "no deck states the materials of its rows"

@@ -9,6 +9,7 @@ from cmsreduce.pipeline.evidence.deck_agreement import (
     EXACT,
     against_deck,
     energy_ratios,
+    fields_in_words,
     ratio_in_words,
     statement_of,
 )
@@ -31,6 +32,7 @@ __all__ = [
     "energy_ratios",
     "directions_against_deck",
     "exchanges_hidden",
+    "fields_in_words",
     "generalised_coordinates",
     "links_against_deck",
     "lumps",

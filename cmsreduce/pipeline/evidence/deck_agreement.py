@@ -28,12 +28,15 @@ __all__ = [
     "Differences",
     "against_deck",
     "energy_ratios",
+    "fields_at_rest",
+    "fields_in_words",
     "known_dofs",
     "masses_move",
     "named_nodes",
     "ratio_in_words",
     "row_directions",
     "statement_of",
+    "supported_dofs",
     "uniform_strains",
 ]
 
@@ -136,8 +139,15 @@ def statement_of(geometry: Path, body: FEModel) -> tuple[StatedMass | None, Stat
     return deck_statement(geometry, body.nodes, np.asarray((rows >= 0).all(axis=1)))
 
 
-def _held(body: FEModel) -> DofTable:
+def supported_dofs(body: FEModel) -> DofTable:
+    """Dofs that are held at zero; none without constraints."""
     return body.constrained if body.constrained is not None else DofTable(np.empty(0, int), np.empty(0, int))
+
+
+def fields_in_words(stated: StatedEnergy | None) -> str:
+    """Motions by which solids are compared: their rules of integration show in others, as in bending."""
+    at = None if stated is None else stated.at_nodes
+    return "uniform strain" if at is None or at.solid.any() else ""
 
 
 def known_dofs(body: FEModel) -> DofTable:
@@ -163,31 +173,15 @@ def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | 
     """
     assert body.nodes is not None
     ids = body.nodes.id[stated.nodes]
-    held, known = _held(body), known_dofs(body)
+    held, known = supported_dofs(body), known_dofs(body)
     turn = (known.rows(body.nodes.id[stated.turning][:, None], np.arange(4, 7)) >= 0).all()
     centre = body.nodes.xyz.mean(axis=0)
-    size = float(np.sqrt(np.mean(np.sum((body.nodes.xyz - centre) ** 2, axis=1)))) or 1.0
     held = held[np.isin(held.node, ids) & ((held.component <= 3) | bool((body.dofs.component > 3).any()))]
-    fields, strain = np.eye(12), np.eye(12)[6:]
-    if len(held):
-        # Translations and strains move by the size of the body; rotations are angles.
-        A = np.hstack(
-            [
-                _affine(held, body, centre)[:, :6] * np.repeat([1.0, 1 / size], 3),
-                uniform_strains(held, body.nodes, centre) / size,
-            ]
-        )
-        _, s, vt = svd(np.vstack([A, np.zeros((12, 12))]), full_matrices=False)
-        fields = vt[s <= _AT_REST * max(float(s[0]), 1.0)].T * np.repeat([1.0, 1 / size, 1 / size], (3, 3, 6))[:, None]
-        strain = fields[6:]
-        _, s, vt = svd(strain, full_matrices=False) if fields.shape[1] else (None, np.zeros(0), np.zeros((0, 0)))
-        keep = s > _AT_REST * s.max(initial=0.0)
-        fields, strain = fields @ vt[keep].T, strain @ vt[keep].T
+    fields = fields_at_rest(body, held)
+    strain = fields[6:]
     if not strain.shape[1]:
         return None
     U = body.rigid_shapes @ fields[:6] + uniform_strains(body.dofs, body.nodes, centre) @ strain
-    U = U[:, np.abs(strain).max(axis=0) > 0]
-    strain = strain[:, np.abs(strain).max(axis=0) > 0]
     energy = U.T @ symmetric_product(body.K)(U)
     low = strain.T @ (stated.low if turn else stated.least) @ strain
     lowest = _ratios(energy, low)
@@ -196,6 +190,32 @@ def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | 
     # Without an upper bound the ratio to the lower one can only show a stiffness that is too small.
     highest = 1.0 if stated.high is None else float((_ratios(energy, strain.T @ stated.high @ strain) or lowest)[1])
     return float(lowest[0]), highest
+
+
+def fields_at_rest(body: FEModel, held: DofTable) -> Array:
+    """Rigid motions and uniform strains about the mean of the nodes (12, m), together, that leave dofs at rest.
+
+    Their strains (rows from 6) are orthonormal.
+    """
+    assert body.nodes is not None
+    if not len(held):
+        return np.eye(12, 6, -6)
+    centre = body.nodes.xyz.mean(axis=0)
+    size = float(np.sqrt(np.mean(np.sum((body.nodes.xyz - centre) ** 2, axis=1)))) or 1.0
+    # Translations and strains move by the size of the body; rotations are angles.
+    A = np.hstack(
+        [
+            _affine(held, body, centre)[:, :6] * np.repeat([1.0, 1 / size], 3),
+            uniform_strains(held, body.nodes, centre) / size,
+        ]
+    )
+    _, s, vt = svd(np.vstack([A, np.zeros((12, 12))]), full_matrices=False)
+    fields = vt[s <= _AT_REST * max(float(s[0]), 1.0)].T * np.repeat([1.0, 1 / size, 1 / size], (3, 3, 6))[:, None]
+    if not fields.shape[1]:
+        return np.asarray(fields)
+    _, s, vt = svd(fields[6:], full_matrices=False)
+    kept = s > _AT_REST * s.max(initial=0.0)
+    return np.asarray(fields @ (vt[kept].T / s[kept]))
 
 
 def _ratios(energy: Array, stated: Array) -> tuple[float, float] | None:

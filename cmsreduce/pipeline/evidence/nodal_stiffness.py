@@ -25,6 +25,7 @@ from cmsreduce.pipeline.evidence.deck_agreement import (
 )
 from cmsreduce.pipeline.evidence.mass_against_deck import away_from_supports
 from cmsreduce.pipeline.evidence.nodal_plates import of_plates
+from cmsreduce.pipeline.evidence.nodal_supports import of_solids_at_supports
 from cmsreduce.pipeline.evidence.plates_in_strain import PlatesInStrain, plates_in_strain
 from cmsreduce.read import STRAINS, StatedNodes
 
@@ -60,7 +61,8 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes, free: bool = False) -
 
     Rows of nodes that bars and springs alone hold are compared entry by entry, relative to the stiffness of both nodes
     in each direction, so that twist and bending show beside stretch. Nodes of solids are compared by their forces
-    under uniform strains, which show at every surface and at every face between two materials; nodes of flat plates by
+    under uniform strains, which show at every surface and at every face between two materials, and beside a support
+    under those that leave it at rest; nodes of flat plates by
     their forces and moments under uniform strains and curvatures.
 
     Parameters
@@ -93,7 +95,14 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes, free: bool = False) -
         if (solid & plated).any():
             strained = plates_in_strain(body, plates, rows)
             solid &= strained.sure | ~plated
-    found = [_of_solids(body, stated, E, rows, solid, strained, free)]
+    away = np.ones(len(body.nodes), dtype=bool)
+    if solid.any() and not free:
+        ids = each_once(body.dofs.node[rows])
+        away[body.nodes.index(ids)] = away_from_supports(body, ids)
+    found = [_of_solids(body, stated, E, rows, solid & away, strained)]
+    if not away.all():
+        alone = solid & ~away & ~plated & (stated.stiffness.diagonal().reshape(-1, 6) == 0).all(axis=1)
+        found.append(of_solids_at_supports(body, stated, E, rows, alone))
     if plates is not None:
         of_these, shown = of_plates(body, stated, rows, known & plated)
         found.append(of_these)
@@ -200,15 +209,12 @@ def _of_solids(
     rows: Indices,
     known: Flags,
     plates: PlatesInStrain | None,
-    free: bool,
 ) -> Differences:
     """Differences of the forces of nodes of solids, and of plates on them, under uniform strains."""
     assert body.nodes is not None
     ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
     at = body.nodes.index(ids)
     judged = known[at]
-    if judged.any() and not free:
-        judged &= away_from_supports(body, ids)
     if not judged.any():
         return Differences(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
     centre = body.nodes.xyz.mean(axis=0)
