@@ -156,7 +156,8 @@ def _of_bars(body: FEModel, S: sp.csr_array, rows: Indices, known: Flags) -> Dif
     size = abs(W)
     allowed = sp.csr_array(size.T @ (sp.diags_array(rate) @ (abs(K) + abs(S))) @ size)
     allowed = sp.csr_array(allowed + allowed.T)
-    limit = np.asarray(allowed[off.row, off.col]).ravel()
+    # SciPy gives a sparse array for no entries.
+    limit = np.asarray(allowed[off.row, off.col]).ravel() if off.nnz else np.zeros(0)
     beyond = np.where(limit < BLIND, np.maximum(off.data - limit, 0.0), 0.0)
     worst = np.zeros(at.size)
     np.maximum.at(worst, off.row // 6, beyond)

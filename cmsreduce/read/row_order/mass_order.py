@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import SCALAR, FEModel
+from cmsreduce.read.row_order.mass_rows import refuse_rows, rows_among_others
 
 __all__ = ["COUPLED", "DIGITS", "MassOrder", "Pairs", "coupled", "prove_mass_order", "refuse_exchange"]
 
@@ -79,8 +80,8 @@ def prove_mass_order(body: FEModel) -> MassOrder:
     Raises
     ------
     DofMapError
-        If the mass couples other pairs than the stiffness, and the same pairs with other node numbers; the message
-        names the nodes.
+        If the mass couples other pairs than the stiffness, and the same pairs with other node numbers, or with rows of
+        one component in another order; the message names the nodes or rows.
     """
     if (body.dofs.component == SCALAR).all():
         return MassOrder("scalar", remark="all dofs are scalar, so that nothing shows the order of the mass")
@@ -104,6 +105,8 @@ def prove_mass_order(body: FEModel) -> MassOrder:
                 f"at {both.size} of {ids.size} nodes the mass couples other nodes than the stiffness (node "
                 f"{ids[both[0]]} and others), as masses spread over nodes do, so that pairs do not show its order",
             )
+    if beyond.nnz and (moved := rows_among_others(body.M, body.dofs.component, node, case.any_stiff, share)).size:
+        refuse_rows(body, moved)
     extra = f"; {beyond.nnz // 2} pairs are coupled by mass alone" if beyond.nnz else ""
     found = f"the mass couples the {pairs} pairs of nodes that the stiffness couples{extra}"
     if alike:

@@ -1,0 +1,87 @@
+"""Rows of one component that are in another order in the mass than in the stiffness, such as one rotation of each node.
+
+The other rows of their nodes still couple all pairs that the stiffness couples. These rows couple those around
+another node.
+"""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import DofMapError
+from cmsreduce.model import SCALAR, FEModel
+
+__all__ = ["refuse_rows", "rows_among_others"]
+
+Indices = NDArray[np.int64]
+
+# Nodes that a row of a mass that elements spread couples; scalar masses between two dofs couple one.
+_FEWEST = 2
+_TRANSLATIONS = 3
+_NAMED = 5
+
+
+def rows_among_others(
+    M: sp.csc_array, component: NDArray[np.integer], node: Indices, around: sp.csr_array, share: float
+) -> Indices:
+    """Rows of the mass that couple the nodes around another node, whose row of this component does so, too.
+
+    Parameters
+    ----------
+    M : (n, n) csc array
+        Mass.
+    component, node : (n,) int
+        Component of each row, and the number of its node.
+    around : (N, N) sparse array
+        Pairs of nodes that the stiffness couples, of ones.
+    share : float
+        Entries below this share of the masses of both rows are rounding.
+    """
+    n, count = node.size, around.shape[0]
+    own, column = np.sqrt(abs(M.diagonal())), np.repeat(np.arange(M.shape[0]), np.diff(M.indptr))
+    firm = (M.indices != column) & (abs(M.data) > share * own[M.indices] * own[column])
+    # Labels of rotations are in doubt where those of translations may be right.
+    moving = component[M.indices] <= _TRANSLATIONS
+    firm &= moving | (np.bincount(column[firm & moving], minlength=n) == 0)[column]
+    S = sp.csr_array((np.ones(firm.sum(), np.int32), (column[firm], node[M.indices[firm]])), shape=(n, count))
+    S.data[:] = 1
+    near = sp.csr_array(around + sp.eye_array(count, dtype=np.int32, format="csr"))
+    near.data[:] = 1
+    many = np.diff(S.indptr)
+    expected = np.asarray(S.multiply(near[node]).sum(axis=1)).ravel()
+    # Rows beside others of their node that couple what the stiffness does.
+    sound = np.bincount(node, expected > 0, count) > 0
+    alien = np.flatnonzero((many >= _FEWEST) & (expected < many) & sound[node] & (component != SCALAR))
+    if alien.size < _FEWEST:
+        return alien[:0]
+    fits = sp.coo_array(S[alien] @ near)
+    whole = fits.data == many[alien[fits.row]]
+    own_place = component[alien].astype(np.int64) * count + node[alien]
+    row, place = fits.row[whole], component[alien[fits.row[whole]]].astype(np.int64) * count + fits.col[whole]
+    taken = np.isin(place, own_place)
+    row, place = row[taken], place[taken]
+    # A row that took the place of another one left its own to a third.
+    return np.asarray(alien[np.unique(row[np.isin(own_place[row], place)])])
+
+
+def refuse_rows(body: FEModel, rows: Indices) -> NoReturn:
+    """Refuse a mass with rows among those of other nodes.
+
+    Raises
+    ------
+    DofMapError
+        Always; the message names the rows.
+    """
+    named = ", ".join(body.dofs.labels[k] for k in rows[:_NAMED])
+    files = ", ".join(dict.fromkeys(source.path for source in body.sources if "mass" in source.holds))
+    raise DofMapError(
+        f"body '{body.name}': the rows of the mass matrix{files and f' ({files})'} are not in the order of the "
+        f"stiffness: {rows.size} rows ({named}{' ...' if rows.size > _NAMED else ''}) have mass in common with the "
+        "nodes around another node, and not with those around their own, as other rows of it have. Likely cause: rows "
+        "of one component are in another order. Write both matrices from one run with one dof set, or label the rows "
+        "of both files"
+    )
