@@ -1,12 +1,11 @@
 """What a file is, by its content: one look, which all readers, commands and refusals share.
 
-The tables of the formats that are read are here. Files that are known and not read have marks.
+The tables of the formats that are read are here; files that are known and not read are in `marks`.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from cmsreduce.read.ansys import FULL_FILE, NODE_FILE, NODE_LISTING, is_row_mapp
 from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE, SUBSTRUCTURE
 from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
 from cmsreduce.read.formats import GeometryFormat, MatrixFormat
+from cmsreduce.read.marks import MARKS, NO_MODEL, REDUCED, SAVE
 from cmsreduce.read.matrices import (
     FREEFEM,
     HARWELL_BOEING,
@@ -24,7 +24,6 @@ from cmsreduce.read.matrices import (
     NPY,
     NPZ,
     PETSC,
-    PLANE_FREEFEM,
     is_hdf5,
 )
 from cmsreduce.read.mesh import UNIVERSAL
@@ -64,10 +63,6 @@ GEOMETRY_HEAD = 1 << 20
 _START = 4096  # bytes that tell a file that is not read
 
 _INSPECT = "`cmsreduce inspect {path}` shows what is in it"
-_REDUCED = "name it as `reduced:` of a component"
-_UNPACK = "unpack it, and name the file in it"
-_NO_MODEL = "name the matrices and the deck or mesh of the body"
-_SAVE = "`scipy.io.savemat('body.mat', {{'K': K, 'M': M}})` saves matrices to a file that is read"
 _NAMED_IN_HDF5 = 4
 # Meshes of numbers alone, which meshio finds by the name.
 _MESHES_OF_NUMBERS = frozenset({".avs", ".ele", ".node", ".ugrid"})
@@ -99,115 +94,8 @@ class FileKind:
     step: str = ""
 
 
-@dataclass(frozen=True)
-class _Mark:
-    """A kind of file that is told by its first bytes and is not read, as a matrix or at all."""
-
-    name: str
-    words: str
-    detect: Callable[[bytes], bool]
-    step: str = _NO_MODEL
-    geometry: str = ""
-
-
-def _starts(*starts: bytes) -> Callable[[bytes], bool]:
-    return lambda head: head.startswith(starts)
-
-
-def _matches(pattern: bytes) -> Callable[[bytes], bool]:
-    found = re.compile(pattern, re.IGNORECASE | re.MULTILINE)
-    return lambda head: b"\0" not in head and found.search(head) is not None
-
-
-_XML = rb"(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf)"
-_MESH = rb"\A\s*(?:\$MeshFormat|MeshVersionFormatted\b|# vtk |solid |OFF\b|ply\b|" + _XML + rb")"
-# MBDyn reads by record groups, and some writers have other words before them.
-_MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:(?:\*\*[^\n]*|[^\S\n]*)\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
-_SID = rb"^[^\S\n]*part[^\S\n]*\n\s*new modal\b"
-# With remarks, separated as spreadsheets do, and by name.
-_DOF = rb"\d+(?:(?:\.|[ \t]*[,;][ \t]*|[ \t]+)[0-6]|[ \t.,;]+(?:(?:D|U|R|T|DR|ROT)?[XYZ]|UR?[123]))"
-_DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*N?" + _DOF + rb"\s*\n){2}"
-# Lines of two numbers or more, under names of columns or without.
-_NAMES = rb"(?:[\"A-Z_][^\n;,\t]*+[;,\t][^\n]*+\n)?"
-_NUMBERS = rb"(?=[ \t]*+[+-]?[.\d])(?=[^\n]*\d[;,\t ]++[+-]?\.?\d)[\d+.,;ED\t\r -]++\n"
-_TABLE = rb"\A(?:\xef\xbb\xbf)?" + _NAMES + 2 * _NUMBERS
-_KEYS = rb"\A(?:\xef\xbb\xbf)?(?:[^\S\n]*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
-
-_MARKS = (
-    _Mark("gzip", "a file compressed with gzip", _starts(b"\x1f\x8b"), "`gunzip -k {path}`, and name that file"),
-    _Mark("zip", "a zip archive", _starts(b"PK\x03\x04", b"PK\x05\x06"), _UNPACK),
-    _Mark(
-        "compressed", "a compressed file", _starts(b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf"), _UNPACK
-    ),
-    _Mark("tar", "a tar archive", lambda head: head[257:262] == b"ustar", _UNPACK),
-    _Mark("utf-16", "a text in UTF-16", _starts(b"\xff\xfe", b"\xfe\xff"), "save it as UTF-8"),
-    _Mark(
-        "git-lfs",
-        "a pointer of Git LFS in place of the file",
-        _starts(b"version https://git-lfs.github.com/spec/"),
-        "fetch the file: `git lfs pull`",
-    ),
-    _Mark("picture", "a picture", _starts(b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")),
-    _Mark("pdf", "a PDF document", _starts(b"%PDF")),
-    _Mark("office", "a document of an office program", _starts(b"\xd0\xcf\x11\xe0")),
-    _Mark(
-        "ls-dyna",
-        "an LS-DYNA keyword file",
-        _matches(rb"^\*KEYWORD\b"),
-        "write the mesh as NASTRAN bulk data, and the matrices as DMIG",
-    ),
-    _Mark(
-        "aster",
-        "an ASCII mesh of code_aster (.mail)",
-        _matches(rb"^[^\S\n]*COOR_[23]D\b"),
-        "write the mesh as MED (IMPR_RESU, FORMAT='MED')",
-    ),
-    _Mark("freefem-mesh", "a plane mesh of FreeFEM", _matches(PLANE_FREEFEM), "write it as .vtu (savevtk of iovtk)"),
-    _Mark("gmsh-1", "a mesh of gmsh's version 1", _matches(rb"\A\$NOD\s"), "save it in gmsh as version 2.2 or 4.1"),
-    _Mark("mfem-mesh", "a mesh of MFEM", _matches(rb"\AMFEM\b.*\bmesh v"), "write it as VTK (PrintVTK)"),
-    _Mark("mfem", "a text of MFEM's Print", _matches(rb"\A\[row 0\]"), "write it with PrintMM"),
-    _Mark(
-        "f06",
-        "a listing of NASTRAN (.f06)",
-        _matches(rb"\A1[ \t]*\r?\n(?s:.)*?(?:N A S T R A N|NASTRAN|MSC Software|Siemens)"),
-        "name the deck and the OP4, OP2 or punch file of the run",
-    ),
-    _Mark("sid", "an SID file, a body that is reduced already", _matches(_SID), _REDUCED),
-    _Mark("mbdyn", "a modal body of MBDyn, which is reduced already", _matches(_MBDYN), _REDUCED),
-    _Mark("html", "a web page", _matches(rb"\A\s*<(?:!doctype\s+)?html")),
-    _Mark("dofs", "a dof list, one node.component a line", _matches(_DOFS), "use it as `rows:`"),
-    _Mark("mesh", "a mesh", _matches(_MESH), geometry="mesh"),
-    _Mark(
-        "pipeline",
-        "a pipeline of cmsreduce (YAML)",
-        _matches(_KEYS + rb"(?:name|output|include|components|scene|units|reduce|balance|verify|write)\s*:(?:\s|$)"),
-        "run it: `cmsreduce run {path}`",
-    ),
-    _Mark("yaml", "a YAML file that is no pipeline", _matches(_KEYS + rb"[A-Za-z_][\w-]*:(?:\s|$)")),
-    _Mark(
-        "summary",
-        "the summary of a run",
-        # A pipeline in JSON, which is YAML, has no version.
-        _matches(rb"\A\s*\{\s*\"name\"\s*:\s*\"[^\"]*\",\s*\"version\"\s*:"),
-        "check it: `cmsreduce check {path}`",
-    ),
-    _Mark(
-        "pipeline",
-        "a pipeline of cmsreduce (JSON)",
-        _matches(rb"\A\s*\{(?s:.)*\"(?:components|scene|include|output)\"\s*:"),
-        "run it: `cmsreduce run {path}`",
-    ),
-    _Mark(
-        "table",
-        "a table of numbers that names no format",
-        _matches(_TABLE),
-        f"{_SAVE}; nodes are read from GRID cards of NASTRAN, or from a mesh",
-    ),
-)
-"""Kinds of files that are known and not read, in the order of detection."""
-
 _OWN = {
-    "component": ("a component file of cmsreduce, a body that is reduced already", f"{_REDUCED}; {_INSPECT}"),
+    "component": ("a component file of cmsreduce, a body that is reduced already", f"{REDUCED}; {_INSPECT}"),
     "system": ("the assembled reduced system that cmsreduce wrote", _INSPECT),
     "sweep": (
         "the table of a sweep of cmsreduce",
@@ -258,12 +146,12 @@ def file_kind(path: Path) -> FileKind:
         return FileKind(main.name, main.words, matrices.name if matrices else "", geometry.name if geometry else "")
     if is_hdf5(head):
         return _hdf5_kind(path)
-    for mark in _MARKS:
+    for mark in MARKS:
         if mark.detect(head[:_START]) and not (mark.name == "table" and path.suffix.lower() in _MESHES_OF_NUMBERS):
             return FileKind(mark.name, mark.words, "", mark.geometry, mark.step.format(path=path))
     start = head.lstrip()[:24].decode("ascii", "backslashreplace")
     words = f"of no known format; it starts with {' '.join(start.split())!r}"
-    return FileKind("unknown", words, step=f"If it holds matrices: {_SAVE.format()}")
+    return FileKind("unknown", words, step=f"If it holds matrices: {SAVE.format()}")
 
 
 def matrix_format(path: Path, head: bytes) -> MatrixFormat | None:
@@ -304,7 +192,7 @@ def expect_kind(path: Path, wanted: str) -> None:
         step = kind.step or _INSPECT.format(path=path)
         if wanted == "pipeline" and (kind.matrices or kind.geometry):
             step = f"{step}, and `cmsreduce new NAME FILE...` makes a pipeline from the matrices and the deck of a body"
-        elif step == _NO_MODEL:
+        elif step == NO_MODEL:
             step = f"name {_NEEDED[wanted]}"
         raise ReadError(f"{path}: this is {kind.words}, not {words}: {step}")
 
@@ -347,4 +235,4 @@ def _foreign(items: Sequence[str]) -> FileKind:
         step = "write the matrices with OUTPUT4 or as DMIG, and name the deck"
         return FileKind("nastran-hdf5", "a result file of NASTRAN in HDF5", step=step)
     named = ", ".join(items[:_NAMED_IN_HDF5]) + (" ..." if len(items) > _NAMED_IN_HDF5 else "")
-    return FileKind("hdf5", f"an HDF5 file of another program, with {named or 'nothing'} in it", step=_SAVE.format())
+    return FileKind("hdf5", f"an HDF5 file of another program, with {named or 'nothing'} in it", step=SAVE.format())

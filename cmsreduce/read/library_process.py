@@ -5,9 +5,11 @@ some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
 """
 
 import contextlib
+import runpy
 import sys
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 Arrays = dict[str, Any]
@@ -22,7 +24,19 @@ _VTK_KINDS = {
     **dict.fromkeys((13, 26), "wedge"),
     **dict.fromkeys((14, 27), "pyramid"),
 }
-
+# Cells of any order, corners first, as meshio names them.
+_LAGRANGE = {
+    f"VTK_LAGRANGE_{name}": kind
+    for name, kind in (
+        ("CURVE", "line"),
+        ("TRIANGLE", "triangle"),
+        ("QUADRILATERAL", "quad"),
+        ("TETRAHEDRON", "tetra"),
+        ("HEXAHEDRON", "hexahedron"),
+        ("WEDGE", "wedge"),
+        ("PYRAMID", "pyramid"),
+    )
+}
 
 # Ends of names of elements of Kratos, which meshio knows by the names of geometries alone; the first that fits counts.
 _KRATOS_LINES = ("Condition2D3N", "LineCondition3D3N", "LineLoadCondition3D3N")
@@ -55,6 +69,8 @@ def mesh(path: str, format: str | None = None) -> Arrays:
                 f"meshio {meshio.__version__} does not give the numbers of nodes ({error}): "
                 "pip install meshio==5.3.5, or write the mesh as MED"
             ) from error
+    if path.lower().endswith(".vtu"):
+        take_later_vtu()
     try:
         found = meshio.read(path, format)
     except IndexError:
@@ -62,8 +78,10 @@ def mesh(path: str, format: str | None = None) -> Arrays:
         if numbers and path.lower().endswith(".msh"):
             refuse_missing_node(path, numbers[0])
         raise
-    if numbers and path.lower().endswith(".msh") and any(np.min(block.data, initial=0) < 0 for block in found.cells):
-        refuse_missing_node(path, numbers[0])
+    if numbers and path.lower().endswith(".msh"):
+        ends = [(np.min(block.data, initial=0), np.max(block.data, initial=0)) for block in found.cells]
+        if any(first < 0 or last >= numbers[0].size for first, last in ends):
+            refuse_missing_node(path, numbers[0])
     if len(numbers) > 1:
         raise ValueError(f"it has {len(numbers)} blocks of nodes, and one is read: write all nodes in one")
     if numbers and path.lower().endswith(".mdpa"):
@@ -73,7 +91,9 @@ def mesh(path: str, format: str | None = None) -> Arrays:
             if (missing := number[~np.isin(number, numbers[0])]).size:
                 raise ValueError(f"a {block.type} names node {missing[0]}, which is not in the file: write it again")
             block.data[...] = np.searchsorted(numbers[0], number)
-    cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
+    cells = {
+        f"{n} {_LAGRANGE.get(block.type, block.type)}": np.asarray(block.data) for n, block in enumerate(found.cells)
+    }
     named = named_points(found)
     sets = {f"set {number}": ids for number, ids in enumerate(named.values())}
     own = {"number": numbers[0]} if numbers else {}
@@ -105,6 +125,29 @@ def refuse_missing_node(path: str, numbers: Any) -> None:
                     raise ValueError(f"element {words[0]} names node {node}, which is not in the file: write it again")
 
 
+def take_later_vtu() -> None:
+    """Make meshio read versions 2.x of .vtu, which VTK, ParaView and DOLFINx write: for meshes they are version 1."""
+    from xml.etree import ElementTree
+
+    from meshio.vtu import _vtu
+
+    def without_version(root: Any) -> Any:
+        if root.get("version", "").startswith("2."):
+            del root.attrib["version"]
+        return root
+
+    trees: Any = ElementTree
+    parse, parse_binary = trees.parse, _vtu._parse_raw_binary
+
+    def parsed(*told: Any) -> Any:
+        tree = parse(*told)
+        without_version(tree.getroot())
+        return tree
+
+    trees.parse = parsed
+    _vtu._parse_raw_binary = lambda path: without_version(parse_binary(path))
+
+
 def keep_numbers() -> list[Any]:
     """Make meshio keep the numbers of points in files of gmsh and Kratos, which it drops; they come in this list."""
     import numpy as np
@@ -115,9 +158,11 @@ def keep_numbers() -> list[Any]:
     for version, first in ((_gmsh22, 0), (_gmsh40, 0), (_gmsh41, 1)):
 
         def numbered(*told: Any, read: Callable[..., Any] = version._read_nodes, first: int = first) -> Any:
-            found = read(*told)
-            kept.append(np.asarray(found[1], dtype=np.int64) + first)
-            return found
+            points, tags, *rest = read(*told)
+            kept.append(np.asarray(tags, dtype=np.int64) + first)
+            # meshio counts node 0 and negative ones from the end, where these tags lead to no point.
+            last = int(np.max(tags, initial=0))
+            return points, np.append(tags, np.arange(last + 1, 2 * last + 3)), *rest
 
         version._read_nodes = numbered
     points_of = _mdpa._read_nodes
@@ -235,80 +280,10 @@ def med(path: str) -> Arrays:
     return arrays if number is None else {**arrays, "number": number}
 
 
-# Linear elements of I-DEAS; those with nodes between corners list them in another order.
-_UNIVERSAL_KINDS = {
-    **dict.fromkeys((11, 21), "line"),
-    **dict.fromkeys((41, 91), "triangle"),
-    **dict.fromkeys((44, 94), "quad"),
-    111: "tetra",
-    112: "wedge",
-    115: "hexahedron",
-}
-
-
 def universal(path: str) -> Arrays:
-    """Nodes, frames, cells and modes of a universal file (datasets 15, 55, 2411, 2412, 2414, 2420)."""
-    import numpy as np
-    import pyuff
-
-    file = pyuff.UFF(path)
-    types = [int(kind) for kind in file.get_set_types()]
-    sets = {kind: [file.read_sets(at) for at, each in enumerate(types) if each == kind] for kind in {*types}}
-    nodes = [*sets.get(15, []), *sets.get(2411, [])]
-    systems = sets.get(2420, [])
-    arrays: Arrays = {
-        name: np.concatenate([np.ravel(each[name]) for each in nodes] or [np.empty(0)])
-        for name in ("node_nums", "disp_cs", "x", "y", "z")
-    }
-    arrays["systems"] = np.concatenate([np.ravel(each["CS_sys_labels"]) for each in systems] or [np.empty(0)])
-    matrices = [np.asarray(matrix)[:3] for each in systems for matrix in each["CS_matrices"]]
-    arrays["axes"] = np.array(matrices).reshape(-1, 3, 3)
-    for at, each in enumerate(sets.get(2412, [])):
-        for number, kind in _UNIVERSAL_KINDS.items():
-            if number in each:
-                arrays[f"{at}-{number} {kind}"] = np.array(
-                    [np.ravel(one["nodes_nums"]) for one in each[number]], dtype=int
-                )
-    return arrays | _universal_modes([*sets.get(55, []), *sets.get(2414, [])])
-
-
-# Normal modes, complex modes of first order (displacement), and complex modes of second order (velocity).
-_UNIVERSAL_MODES = (2, 3, 7)
-_COMPLEX = 5
-
-
-def _universal_modes(sets: Any) -> Arrays:
-    """Figures of every mode in one row, and its nodes and shape by its number; other results are left out."""
-    import numpy as np
-
-    figures: list[list[float]] = []
-    arrays: Arrays = {}
-    for each in sets:
-        new = each["type"] == 2414
-        if each["analysis_type"] not in _UNIVERSAL_MODES or (new and each["dataset_location"] != 1):
-            continue
-        number = len(figures)
-        kind = each["result_type"] if new else each["spec_data_type"]
-        count = each["number_of_data_values_for_the_data_component"] if new else each["n_data_per_node"]
-        if new:
-            eight, nine = ([each[f"record{record}_field{k}"] for k in range(1, 7)] for record in (12, 13))
-            hz, mass, zeta, loss = eight[1], *eight[3:6]
-            pole, A = complex(*nine[:2]), complex(*nine[2:4])
-            shape = np.array(each["data_at_node"])
-            if shape.dtype.kind != "c" and each["data_type"] == _COMPLEX and shape.shape[-1] == 2 * count:
-                shape = shape[:, ::2] + 1j * shape[:, 1::2]
-            mode = each["record10_field6"]
-        else:
-            hz, mass, zeta, loss = (
-                each.get(key, 0.0) for key in ("freq", "modal_m", "modal_damp_vis", "modal_damp_his")
-            )
-            pole, A = each.get("eig", 0.0), each.get("modal_a", 0.0)
-            shape = np.column_stack([each[f"r{k + 1}"] for k in range(count)])
-            mode = each["mode_n"]
-        facts = [mode, each["analysis_type"], kind, hz, mass, zeta, loss, pole.real, pole.imag, A.real, A.imag]
-        figures.append([float(fact) for fact in facts])
-        arrays |= {f"nodes {number}": np.asarray(each["node_nums"], dtype=int), f"shape {number}": shape}
-    return {"modes": np.array(figures).reshape(len(figures), 11), **arrays}
+    """Nodes, frames, cells and modes of a universal file; no folder is searched for this module (see `libraries`)."""
+    found: Arrays = runpy.run_path(str(Path(__file__).with_name("universal_arrays.py")))["universal"](path)
+    return found
 
 
 _READERS: dict[str, Callable[[str], Arrays]] = {

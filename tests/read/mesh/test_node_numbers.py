@@ -80,7 +80,7 @@ def test_elements_of_kratos_keep_to_the_nodes_of_the_file(tmp_path: Path, old: s
         read_geometry(tmp_path / "a.mdpa")
 
 
-@pytest.mark.parametrize("missing", [25, 71])
+@pytest.mark.parametrize("missing", [0, 25, 71])
 @pytest.mark.parametrize("comment", ["", "$Comments\nmade by hand\n$EndComments\n"])
 @pytest.mark.parametrize("name", ["a22.msh", "a41.msh", "a40.msh"])
 def test_an_element_of_gmsh_with_a_missing_node_is_named(tmp_path: Path, name: str, comment: str, missing: int) -> None:

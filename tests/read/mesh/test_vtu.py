@@ -1,0 +1,75 @@
+"""Meshes in the XML files of VTK, by the format that VTK documents, of versions that meshio does not know."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read import file_kind, read_geometry
+from cmsreduce.read.geometry import read_cells
+
+XYZ = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [1, 2, 3]])
+ARRAYS = {
+    "Points": {"Points": XYZ},
+    "Cells": {
+        "connectivity": np.array([2, 1, 0, 3, 1, 2, 3, 4]),
+        "offsets": np.array([4, 8]),
+        "types": np.array([10, 71], np.uint8),
+    },
+}
+
+
+def written(version: str, raw: bool) -> bytes:
+    """Two tetrahedra, the second a Lagrange cell, as text between tags or as raw bytes behind them."""
+    body, behind = "", b""
+    for group, arrays in ARRAYS.items():
+        body += f"<{group}>\n"
+        for name, values in arrays.items():
+            kind = {"f": "Float64", "i": "Int64", "u": "UInt8"}[values.dtype.kind]
+            tag = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{values.shape[1:] or (1,)}"'
+            tag = tag.replace('"(', '"').replace(',)"', '"')
+            if raw:
+                body += f'{tag} format="appended" offset="{len(behind)}"/>\n'
+                behind += np.uint32(values.nbytes).tobytes() + values.tobytes()
+            else:
+                body += f'{tag} format="ascii">{" ".join(map(str, values.ravel().tolist()))}</DataArray>\n'
+        body += f"</{group}>\n"
+    text = (
+        f'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="{version}" byte_order="LittleEndian" '
+        'header_type="UInt32">\n<UnstructuredGrid>\n<Piece NumberOfPoints="5" NumberOfCells="2">\n'
+        f"{body}</Piece>\n</UnstructuredGrid>\n"
+    ).encode()
+    if raw:
+        text += b'<AppendedData encoding="raw">\n_' + behind + b"\n</AppendedData>\n"
+    return text + b"</VTKFile>\n"
+
+
+@pytest.mark.parametrize("raw", [False, True])
+@pytest.mark.parametrize("version", ["1.0", "2.2", "2.3"])
+def test_later_versions_are_read(tmp_path: Path, version: str, raw: bool) -> None:
+    """VTK 9.7 writes version 2.3, DOLFINx 2.2 with Lagrange cells: refused with the advice to write .vtu."""
+    path = tmp_path / "body.vtu"
+    path.write_bytes(written(version, raw))
+    assert np.array_equal(read_geometry(path).nodes.xyz, XYZ)
+    assert {kind: cells.tolist() for kind, cells in read_cells(path).items()} == {"tetra": [[3, 2, 1, 4], [2, 3, 4, 5]]}
+
+
+def test_a_version_to_come_is_refused_by_its_number(tmp_path: Path) -> None:
+    (tmp_path / "body.vtu").write_bytes(written("3.0", raw=False))
+    with pytest.raises(ReadError, match=r"Unknown VTU file version '3\.0'"):
+        read_geometry(tmp_path / "body.vtu")
+
+
+@pytest.mark.parametrize(
+    "start", ['type="Collection" version="0.1"', 'version="2.2" header_type="UInt32"\n type="PUnstructuredGrid"']
+)
+def test_files_of_vtk_without_nodes_say_what_to_name(tmp_path: Path, start: str) -> None:
+    """Lists of pieces were said to have no known format, and to be written as .vtu."""
+    path = tmp_path / "body.pvd"
+    path.write_text(f'<?xml version="1.0"?>\n<VTKFile {start}>\n</VTKFile>\n')
+    assert file_kind(path).name == "vtk-list"
+    with pytest.raises(ReadError, match=r"lists others.*name the \.vtu file that it lists"):
+        read_geometry(path)
