@@ -97,12 +97,14 @@ PARTS = """*Heading
         # On two lines, and a file in a folder that names one beside the deck.
         ("*INCLUDE,\n INPUT=sub/first.inp\n", [8, 3], [[8, 0, 0], [3, 0, 0]]),
         ("*NODE, INPUT=nodes.txt\n*STEP\n", [5, 6], [[5, 1, 0], [6, 2, 0]]),
+        ("*INCLUDE, INPUT=sub/second.inp\n", [5, 6], [[5, 1, 0], [6, 2, 0]]),
     ],
 )
 def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xyz: list[list[float]]) -> None:
     write(tmp_path, "other.msh", "*NODE\n8,8.\n")
     (tmp_path / "sub").mkdir()
     write(tmp_path, "sub/first.inp", "*INCLUDE, INPUT=other.msh\n*NODE\n3,3.\n")
+    write(tmp_path, "sub/second.inp", "*NODE, INPUT=nodes.txt\n")
     write(tmp_path, "nodes.txt", "5,5.,1.\n** comment\n6,6.,2.\n")
     nodes = read_geometry(write(tmp_path, "model.inp", text)).nodes
     assert nodes.id.tolist() == ids
@@ -146,7 +148,7 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
         (f"*INCLUDE, INPUT={300 * 'a'}.inp\n", r"line 1: \*INCLUDE: the file 'aaa"),
         ("*INCLUDE,\nINPUT=sub/one.inp\n", r"one.inp, line 2: \*INCLUDE: the file 'gone.inp' is missing: .* or "),
         ("*NODE\n1,0.\n*INCLUDE\n", r"line 3: \*INCLUDE names no file; write \*INCLUDE, INPUT=FILE"),
-        ("*NODE, INPUT=gone.txt\n*STEP\n", "gone.txt cannot be read"),
+        ("*NODE, INPUT=gone.txt\n*STEP\n", r"line 1: \*NODE: the file 'gone.txt' is missing: there is no"),
         ("*INCLUDE, INPUT=model.inp\n", "includes itself"),
     ],
 )

@@ -25,6 +25,8 @@ __all__ = [
     "preload_step",
 ]
 
+# Keywords whose data lines may stand in a file of their own.
+_OF_FILES = ("NODE", "ELEMENT")
 # Ids of one line of a set: a damaged number would fill the memory.
 _LONGEST_RANGE = 10**7
 
@@ -88,8 +90,7 @@ def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
     """
     check_included(path, chain)
     block: Block | None = None
-    lines = ((number, line.strip()) for number, line in enumerate(read_text(path).splitlines(), start=1))
-    lines = ((number, line) for number, line in lines if line and not line.startswith("**"))
+    lines = _lines(path)
     for number, line in lines:
         if not line.startswith("*"):
             if block is not None:
@@ -106,16 +107,26 @@ def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
         if block.keyword == "INCLUDE":
             yield from blocks(_included(block, (*chain, path)), (*chain, path))
             block = None
+        elif block.keyword in _OF_FILES and "INPUT" in block.options:
+            block.path = _included(block, (*chain, path))
+            check_included(block.path, (*chain, path))
+            block.data += _lines(block.path)
     if block is not None:
         yield block
 
 
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Lines of a file with their numbers, without blank ones and comments."""
+    lines = ((number, line.strip()) for number, line in enumerate(read_text(path).splitlines(), start=1))
+    return ((number, line) for number, line in lines if line and not line.startswith("**"))
+
+
 def _included(block: Block, chain: tuple[Path, ...]) -> Path:
-    """File that an *INCLUDE in the last of a chain of files names: beside that file, or beside the first."""
+    """File that a block in the last of a chain of files names: beside that file, or beside the first."""
     name = block.options.get("INPUT", "")
     tried = list(dict.fromkeys(deck.parent / name for deck in (chain[-1], chain[0])))
     if not name:
-        raise ReadError(f"{block.where} names no file; write *INCLUDE, INPUT=FILE")
+        raise ReadError(f"{block.where} names no file; write *{block.keyword}, INPUT=FILE")
     # Path.exists raises where a name is too long for any file.
     if (found := next((path for path in tried if os.path.exists(path)), None)) is None:  # noqa: PTH110
         looked = " or ".join(map(str, tried))

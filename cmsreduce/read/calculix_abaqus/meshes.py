@@ -24,7 +24,6 @@ from cmsreduce.read.calculix_abaqus.expansion import PLANE, expansion_beside
 from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
 from cmsreduce.read.calculix_abaqus.sections import expanded_places
 from cmsreduce.read.calculix_abaqus.statement import input_file_statement
-from cmsreduce.read.files import read_text
 from cmsreduce.read.formats import CELL_CORNERS, Geometry, GeometryFormat, cells_by_kind
 from cmsreduce.read.printed_numbers import coordinate_rounding, whole_number
 
@@ -265,15 +264,9 @@ def _node_lines(block: Block) -> tuple[Coordinates, float]:
     """Nodes of one *NODE block, absent coordinates zero, and their rounding."""
     if block.options.get("SYSTEM", "R").upper()[:1] != "R":
         raise ReadError(f"{block.where}: cylindrical and spherical coordinates are not read; write rectangular ones")
-    path, data = block.path, block.data
-    if "INPUT" in block.options:
-        path = block.path.parent / block.options["INPUT"]
-        data = list(enumerate(read_text(path, f"{block.where}: {path}").splitlines(), start=1))
     out: Coordinates = {}
     texts: list[str] = []
-    for number, line in data:
-        if not line.strip() or line.startswith("**"):
-            continue
+    for number, line in block.data:
         fields = [text.strip() for text in line.split(",")]
         try:
             xyz = tuple(float(text.upper().replace("D", "E") or 0) for text in (*fields[1:4], "", "", ""))[:3]
@@ -282,7 +275,7 @@ def _node_lines(block: Block) -> tuple[Coordinates, float]:
                 raise ValueError
             out[int(fields[0])] = xyz
         except ValueError:
-            raise ReadError(f"{path}, line {number}: '{line.strip()[:60]}' is no node: id, x, y, z") from None
+            raise ReadError(f"{block.path}, line {number}: '{line.strip()[:60]}' is no node: id, x, y, z") from None
     return out, coordinate_rounding(texts)
 
 

@@ -310,7 +310,7 @@ def _elements(deck: Sequence[Block], path: Path) -> tuple[list[_Elements], list[
         if block.keyword != "ELEMENT" or _is_massless(block):
             continue
         label = block.option("TYPE")
-        if not (kind := longest_start(label, counts)) or "INPUT" in block.options:
+        if not (kind := longest_start(label, counts)):
             raise NotCountedError
         number, nodes = _topology(block, counts[kind])
         if kind in _SHELLS:

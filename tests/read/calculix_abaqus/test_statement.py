@@ -100,6 +100,19 @@ def test_one_part_of_an_assembly(tmp_path):
     assert stated(tmp_path, twice + "*SOLID SECTION, ELSET=ED, MATERIAL=STEEL\n")[0] is None
 
 
+def test_elements_and_nodes_in_other_files_are_those_of_the_deck(tmp_path):
+    """Elements in a file of their own were left out, and such a deck proved nothing."""
+    whole = bar()
+    start = whole.index("*ELEMENT, TYPE=C3D8")
+    first, after = whole.index("\n", start) + 1, whole.index("*", start + 1)
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "more.inp").write_text(whole[first:after])
+    own = whole[: first - 1] + ", INPUT=parts/more.inp\n" + whole[after:]
+    (mass, energy), (same, like) = stated(tmp_path, whole), stated(tmp_path, own)
+    assert mass is not None and same is not None and same.mass == mass.mass > 0
+    assert energy is not None and like is not None and like.exact == energy.exact
+
+
 WITHOUT_A_MASS = {
     "no density": bar().replace("*DENSITY\n7850.\n", ""),
     "density by temperature": bar().replace("7850.\n", "7850., 0.\n7800., 500.\n"),
@@ -110,7 +123,6 @@ WITHOUT_A_MASS = {
         "*ELEMENT, TYPE=C3D8", "*ELEMENT, TYPE=CPE4\n99, 1, 2, 3, 4\n*ELEMENT, TYPE=C3D8", 1
     ),
     "mass that is no structure": bar() + "*NONSTRUCTURAL MASS, ELSET=EC, UNITS=TOTAL MASS\n3.\n",
-    "elements in another file": bar() + "*ELEMENT, TYPE=C3D8, ELSET=EC, INPUT=more.inp\n",
     "a mass without a value": bar() + "*ELEMENT, TYPE=MASS, ELSET=LUMP\n99, 1\n",
     "a number that is none": bar().replace("7850.", "<rho>"),
     "no material": bar().replace(STEEL, ""),
