@@ -266,8 +266,7 @@ def _possible_rows(
     if not found:
         raise DofMapError(
             f"body '{body}': stiffness '{stiffness.name}' of {stiffness.path} has {n} rows, which is the size of no "
-            f"dof set of {geometry.path}. {_sizes(geometry)}. Give the deck that made the matrix, or `rows:`, a list "
-            f"of node.component, one a line{_LOST_ROWS.get(stiffness.format, '')}"
+            f"dof set of {geometry.path}. {_sizes(geometry)}. {_wanted(geometry, stiffness)}"
         )
     # Sets may be equal, such as a and f.
     keys = [(table.node.tobytes(), table.component.tobytes()) for table in found]
@@ -278,6 +277,14 @@ def _sizes(geometry: Geometry) -> str:
     """Sizes of all sets of a geometry, and its remarks."""
     sizes = ", ".join(f"{name} {len(table)}" for name, table in {**geometry.rows, **geometry.sets}.items())
     return f"Its sets have: {sizes}" + "".join(f"; {remark}" for remark in geometry.remarks)
+
+
+def _wanted(geometry: Geometry, stiffness: LabelledMatrix) -> str:
+    """Remedy for a geometry none of whose sets has as many rows as the matrix."""
+    lost, nodes = _LOST_ROWS.get(stiffness.format, ""), len(geometry.nodes)
+    if not lost and stiffness.A.shape[0] > 6 * nodes:
+        return f"A mesh of more than its {nodes} nodes is wanted: also of those between corners of elements"
+    return f"Give the deck that made the matrix, or `rows:`, a list of node.component, one a line{lost}"
 
 
 def _on_common_rows(

@@ -173,6 +173,11 @@ def test_a_damping_matrix_is_put_on_the_same_rows(tmp_path: Path) -> None:
         ({"mass": 5}, MatrixError, r"different size: 'k' of .*k.mtx is 6 x 6, 'm' of .*m.mtx is 5 x 5"),
         ({"geometry": None}, DofMapError, r"the dofs of the 6 rows of 'k' in .*k.mtx are unknown; give `geometry:`"),
         ({"stiffness": 7}, DofMapError, r"'k' of .*k.mtx has 7 rows, .*no dof set of .*a 12, f 12, n 12, g 12, transl"),
+        (
+            {"stiffness": 30},
+            DofMapError,
+            r"of no dof set .*A mesh of more than its 2 nodes is wanted: also",
+        ),
         ({"rows": "b"}, DofMapError, r"there is no dof set 'b'; its sets and their sizes are a \(12\)"),
         ({"rows": "asett"}, DofMapError, r"there is no dof set 'asett'; its sets and their sizes are a \(12\)"),
         ({"rows": "g"}, DofMapError, r"has 6 rows, but set 'g' of .*b.bdf has 12"),
