@@ -53,9 +53,9 @@ def program(*args: object, code: str = "from cmsreduce.cli import main; main()",
     environment = {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment |= {key: os.environ[key] for key in ("PATH", "HOME") if key in os.environ} | more.pop("env", {})
     streams = {name: more.pop(name, subprocess.PIPE) for name in ("stdout", "stderr")}
-    return subprocess.run(
-        [sys.executable, "-c", code, *map(str, args)], env=environment, timeout=120, check=False, **streams, **more
-    )
+    # As in the installed program, the present folder is not searched for modules: where it is gone, Python 3.13 stops.
+    command = [sys.executable, "-P", "-c", code, *map(str, args)]
+    return subprocess.run(command, env=environment, timeout=120, check=False, **streams, **more)
 
 
 def programs(*calls: tuple[object, ...], **more) -> tuple[list[int], subprocess.CompletedProcess]:
