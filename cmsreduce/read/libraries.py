@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.files import HEADERS, reading
+from cmsreduce.read.files import HEADERS, reading, sha256_of
 from cmsreduce.read.formats import CELL_CORNERS, Cells
 
 __all__ = ["Arrays", "arrays_of", "cells_of"]
@@ -31,6 +31,11 @@ _BYTES, _BYTES_A_BYTE = 3 << 29, 60
 _STOPPED = (9, 24)
 # Characters of a library's complaint that are shown.
 _LONGEST_REASON = 300
+# A run asks for one file several times, and a process that loads the library takes longer than a small run: the arrays
+# of the last files are held, unless they are large. Other meshes may have their arrays in files beside them.
+_HELD: dict[tuple[str, Path, str], Arrays] = {}
+_FILES_HELD, _BYTES_HELD = 4, 1 << 26
+_ONE_FILE = (".mdpa", ".msh", ".vtk", ".vtu")
 
 
 def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arrays:
@@ -45,11 +50,34 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
     refused : callable
         Error for the reason that the library gives.
 
+    Returns
+    -------
+    dict of name to array
+        Not to be written to.
+
     Raises
     ------
     ReadError
         The one of ``refused`` if the library fails, or exceeds the limits.
     """
+    if kind == "mesh" and path.suffix.lower() not in _ONE_FILE:
+        return _read(path, kind, refused)
+    key = kind, path.absolute(), sha256_of(path)
+    found = _HELD.pop(key, None)
+    if found is None:
+        found = _read(path, kind, refused)
+        if sum(array.nbytes for array in found.values()) > _BYTES_HELD or sha256_of(path) != key[2]:
+            return found
+        for array in found.values():
+            array.flags.writeable = False
+    _HELD[key] = found
+    for oldest in list(_HELD)[:-_FILES_HELD]:
+        _HELD.pop(oldest, None)
+    return dict(found)
+
+
+def _read(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arrays:
+    """Arrays of a file, from a process of their own."""
     size = path.stat().st_size
     seconds = _SECONDS + _SECONDS_A_BYTE * size
     with tempfile.TemporaryDirectory(prefix="cmsreduce-read-") as folder:
