@@ -14,7 +14,7 @@ import cmsreduce.pipeline.batch
 import cmsreduce.pipeline.drafts
 from cmsreduce.cli import main
 from cmsreduce.pipeline.store import DIAGNOSTICS
-from tests.pipeline.study import PIPELINE, write_study
+from tests.pipeline.study import PANEL, PIPELINE, write_study
 
 WORDS = "injected fault"
 # Diagnostics that a run calls also where verification and sensitivity are finished, by how their names begin.
@@ -28,6 +28,15 @@ MORE = """\
   checks: [static, gains, zeros, step]
   compare: {{plain: {{rank: frequency, keep: {{modes: 8}}}}}}
 """
+# A rigid panel: what a failure leaves of a run does not depend on the number of flexible bodies.
+ALONE = PIPELINE.replace("panel.6", "panel.end").replace(
+    PANEL,
+    """\
+  panel:
+    rigid: {{mass: 2.0, cg: [1.2, 0.1, 0.05], inertia: [0.05, 0.2, 0.2, 0, 0, 0]}}
+    interfaces: {{root: {{position: [0.8, 0, 0]}}, end: {{position: [1.75, 0.125, 0.05]}}}}
+""",
+)
 # Commands that reach diagnostics beside those of a run.
 OTHERS = {
     "the picture '{}'": "report",
@@ -70,15 +79,24 @@ def call(*args: object) -> Result:
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a study that uses every diagnostic, after a run."""
-    folder = tmp_path_factory.mktemp("whole")
+    return made(tmp_path_factory.mktemp("whole"), ALONE, "[hdf5, nastran, mbsim, matlab, fmi], targets: [exudyn]")
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same study with two flexible bodies."""
+    return made(tmp_path_factory.mktemp("both"), PIPELINE, "[hdf5]")
+
+
+def made(folder: Path, text: str, formats: str) -> Path:
     (folder / "k.txt").write_text(CONTROLLER)
-    text = PIPELINE.replace("scene:\n", "scene:\n  controller: k.txt\n").replace(
+    text = text.replace("scene:\n", "scene:\n  controller: k.txt\n").replace(
         "limits: {{frf_error: 0.05}}\n", f"limits: {{{{frf_error: 0.05, damping_error: 0.1}}}}\n{MORE}"
     )
     text = text.replace("keep: all}}", "keep: all, sensitivity: true}}")
     # One angle: each run that follows measures it again.
     text = text.replace("hinge: [0, 50 deg]", "hinge: [50 deg]")
-    path = write_study(folder, text.replace("[hdf5]", "[hdf5, nastran, mbsim, matlab, fmi], targets: [exudyn]"))
+    path = write_study(folder, text.replace("[hdf5]", formats))
     done = call("run", path)
     assert done.exit_code == 0, done.output
     assert json.loads((folder / "out" / "summary.json").read_text())["failures"] == []
@@ -88,7 +106,10 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def repeated(finished: Path, tmp_path: Path) -> Path:
     """The study with its finished stages, but without other results."""
-    folder = tmp_path / "study"
+    return without_results(finished, tmp_path / "study")
+
+
+def without_results(finished: Path, folder: Path) -> Path:
     shutil.copytree(finished, folder)
     for path in (folder / "out").iterdir():
         if path.is_file():
@@ -183,11 +204,11 @@ def test_a_command_outlives_it(
 
 @pytest.mark.parametrize("error", [MemoryError, KeyError, RecursionError, ZeroDivisionError])
 def test_every_kind_of_error_is_caught(
-    error: type[Exception], repeated: Path, broken: Callable[..., list[str]]
+    error: type[Exception], both: Path, tmp_path: Path, broken: Callable[..., list[str]]
 ) -> None:
-    calls = broken("the drawing of '{}'", error)
-    done = call("run", repeated / "study.yaml", "--quiet", "--set", "write.formats=[hdf5]")
-    facts = json.loads((repeated / "out" / "summary.json").read_text())
+    folder, calls = without_results(both, tmp_path / "study"), broken("the drawing of '{}'", error)
+    done = call("run", folder / "study.yaml", "--quiet", "--set", "write.formats=[hdf5]")
+    facts = json.loads((folder / "out" / "summary.json").read_text())
     assert calls and done.exit_code == 0
     assert {each["what"] for each in facts["failures"]} == {"the drawing of 'arm'", "the drawing of 'panel'"}
 
@@ -205,11 +226,13 @@ def test_what_failed_is_tried_again(copied: Path, broken: Callable[..., list[str
     assert not (copied / "out" / "failures.log").exists()
 
 
-def test_a_target_that_refuses_a_body_leaves_the_others(copied: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_target_that_refuses_a_body_leaves_the_others(
+    both: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from cmsreduce.errors import WriteError
     from cmsreduce.write import TARGETS
 
-    whole = TARGETS["mbsim"].write
+    folder, whole = without_results(both, tmp_path / "study"), TARGETS["mbsim"].write
 
     def refuse(path: Path, component, *more: object) -> object:
         if component.name == "arm":
@@ -219,10 +242,10 @@ def test_a_target_that_refuses_a_body_leaves_the_others(copied: Path, monkeypatc
     monkeypatch.setattr(type(TARGETS["mbsim"]), "write", refuse, raising=False)
     object.__setattr__(TARGETS["mbsim"], "write", refuse)
     try:
-        done = call("run", copied / "study.yaml", "--set", "write.formats=[hdf5, nastran, mbsim]")
+        done = call("run", folder / "study.yaml", "--set", "write.formats=[hdf5, nastran, mbsim]")
     finally:
         object.__setattr__(TARGETS["mbsim"], "write", whole)
-    out, said = copied / "out", " ".join(done.output.split())
+    out, said = folder / "out", " ".join(done.output.split())
     assert done.exit_code == 1
     assert "the target 'mbsim' of 'arm'" in said and "its interface has no rotations" in said
     assert (out / "panel.mbsim.h5").is_file() and not (out / "arm.mbsim.h5").exists() and (out / "arm.op4").is_file()
