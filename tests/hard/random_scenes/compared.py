@@ -69,7 +69,7 @@ def compared(seed: int, folder: Path) -> Compared:
         _one_ratio_for_a_pair(scene, name, part)
     bodies = {name: dense_body(part) for name, part in scene.parts.items()}
     full = dense_system(scene, bodies)
-    w, _ = full.modes()
+    w, _ = full.modes
     band = _band(w)
     path = scene.write(folder, band / (2 * np.pi))
     run = Run(load_pipeline(path, []), folder / "out", Silent())
@@ -81,7 +81,7 @@ def compared(seed: int, folder: Path) -> Compared:
         for name, Phi in shapes.items()
     }
     reduced = dense_system(scene, {**bodies, **small})
-    w_r, _ = reduced.modes()
+    w_r, _ = reduced.modes
 
     omega = 2 * np.pi * found.response.frequency_hz
     (H, rigid), (H_r, _) = (_in_units(scene, full, omega), _in_units(scene, reduced, omega))
@@ -196,7 +196,7 @@ def _response_apart(
 
 def _floor(scene: RandomScene, system: DenseSystem, band: float) -> np.ndarray:
     """Static response that channels of these motions can have, if no terms cancel: the scale of what is rounding."""
-    w, X = system.modes()
+    w, X = system.modes
     rates = np.where(system.rate, band, 1.0)
     row, column = (np.linalg.norm(terms @ abs(X) / w, axis=1) for terms in (system.terms[1], system.terms[0]))
     return (row * rates * _row_units(scene))[:, None] * (column * _column_units(scene))
@@ -214,7 +214,7 @@ def _rounding(scene: RandomScene, system: DenseSystem, band: float, omega: np.nd
 
 def _sharpness(system: DenseSystem, band: float) -> float:
     """Rounding of the stiffest motion, seen in the height of the sharpest resonance in the band."""
-    w, X = system.modes()
+    w, X = system.modes
     top = w.max(initial=0.0)
     w, X = w[w <= band], X[:, w <= band]
     zeta = (np.einsum("ij,ij->j", X, system.D @ X) + np.einsum("ij,ij->j", X, system.loss @ X) / w) / (2 * w)

@@ -6,6 +6,7 @@ Nothing of the package is used here. SI units; the motions of a body are along i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
@@ -174,6 +175,7 @@ class DenseSystem:
     rate: np.ndarray
     terms: tuple[np.ndarray, np.ndarray]
 
+    @cached_property
     def modes(self) -> tuple[np.ndarray, np.ndarray]:
         """Elastic frequencies in rad/s and shapes; coordinates without mass follow the others."""
         if not len(self.K):
