@@ -1,5 +1,5 @@
 """A good study on disk, to run and to break."""
 
-from tests.pipeline.conftest import finished_study, good_study, study
+from tests.pipeline.conftest import finished_study, good_study, ran, study
 
-__all__ = ["finished_study", "good_study", "study"]
+__all__ = ["finished_study", "good_study", "ran", "study"]

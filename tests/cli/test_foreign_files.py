@@ -32,12 +32,11 @@ def test_a_foreign_file_is_not_replaced(study: Path, name: str) -> None:
     assert not (out / "stages").exists(), "refused before anything is computed"
 
 
-def test_a_result_that_may_not_be_read_is_said_to_be_so(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_result_that_may_not_be_read_is_said_to_be_so(ran: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It was called damaged, or a file of another program."""
-    assert call("run", study, "--quiet").exit_code == 0
-    path = study.parent / "out" / "arm.h5"
+    path = ran.parent / "out" / "arm.h5"
     monkeypatch.setattr("os.access", lambda name, mode: Path(name) != path)
-    for command in (("run", study, "--quiet"), ("check", path.parent)):
+    for command in (("run", ran, "--quiet"), ("check", path.parent)):
         found = call(*command)
         assert found.exit_code == 2 and f"{path}: you have no permission to read" in found.stderr
 
@@ -55,25 +54,23 @@ def test_a_folder_that_may_not_be_written_is_refused_before_anything_is_computed
 
 
 @pytest.mark.parametrize("name", ["arm.h5", "system.h5"])
-def test_a_check_sees_results_that_are_gone(study: Path, name: str) -> None:
-    assert call("run", study, "--quiet", "--set", "write.formats=[hdf5]").exit_code == 0
-    path = study.parent / "out" / name
+def test_a_check_sees_results_that_are_gone(ran: Path, name: str) -> None:
+    path = ran.parent / "out" / name
     path.unlink()
     found = call("check", path.parent)
     assert found.exit_code == 2 and f"{path}: the run wrote this file, and it is gone" in found.stderr
 
 
-def test_component_files_are_no_runs_to_compare(study: Path) -> None:
-    assert call("run", study, "--quiet", "--set", "write.formats=[hdf5]").exit_code == 0
-    found = call("diff", study.parent / "out" / "arm.h5", study.parent / "out" / "panel.h5")
+def test_component_files_are_no_runs_to_compare(ran: Path) -> None:
+    found = call("diff", ran.parent / "out" / "arm.h5", ran.parent / "out" / "panel.h5")
     assert found.exit_code == 2 and "this is a component file, not a run" in found.stderr
     assert "`cmsreduce check FILE --baseline OTHER`" in found.stderr
 
 
-def test_a_check_sees_files_of_other_programs_that_are_not_as_written(study: Path) -> None:
+def test_a_check_sees_files_of_other_programs_that_are_not_as_written(ran: Path) -> None:
     """They have no seal; the record of the run has their digests."""
-    path = study.parent / "out" / "panel.SID_FEM"
-    assert call("run", study, "--quiet", "--set", "write.formats=[hdf5, sid]").exit_code == 0
+    path = ran.parent / "out" / "panel.SID_FEM"
+    assert call("run", ran, "--quiet", "--set", "write.formats=[hdf5, sid]").exit_code == 0
     assert call("check", path.parent).exit_code == 0
     text = path.read_bytes()
     for damage in (text[:-1], text.replace(b"1", b"2", 1), None):
@@ -82,7 +79,7 @@ def test_a_check_sees_files_of_other_programs_that_are_not_as_written(study: Pat
         assert found.exit_code == 2 and found.stderr.startswith(f"error: {path}: the "), found.stderr
         assert "write it again with `cmsreduce run`" in found.stderr
     # A run that leaves the format out does not ask for its file.
-    assert call("run", study, "--quiet", "--set", "write.formats=[hdf5]").exit_code == 0
+    assert call("run", ran, "--quiet", "--set", "write.formats=[hdf5]").exit_code == 0
     assert call("check", path.parent).exit_code == 0
 
 
@@ -132,20 +129,19 @@ def test_a_pipeline_in_json_is_not_taken_for_a_summary(study: Path) -> None:
     )
 
 
-def test_a_foreign_file_of_a_run_directory_is_not_replaced(study: Path) -> None:
+def test_a_foreign_file_of_a_run_directory_is_not_replaced(ran: Path) -> None:
     """Files without a mark are known by the record of the files that runs wrote."""
-    out = study.parent / "out"
-    assert call("run", study, "--quiet").exit_code == 0
+    out = ran.parent / "out"
     mine, log, passing = out / "panel.SID_FEM", out / "failures.log", out / "stages" / "arm.h5"
     for path in (mine, log, passing):
         path.write_text("mine")
-        found = call("run", study, "--quiet", "--set", "write.formats=[sid]")
+        found = call("run", ran, "--quiet", "--set", "write.formats=[sid]")
         assert found.exit_code == 2, path
         assert f"{path}: a file of this name is there that cmsreduce did not write" in found.stderr
         assert path.read_text() == "mine"
         path.unlink()
-    assert call("run", study, "--quiet", "--set", "write.formats=[sid]").exit_code == 0
-    assert call("run", study, "--quiet", "--set", "write.formats=[sid]").exit_code == 0
+    assert call("run", ran, "--quiet", "--set", "write.formats=[sid]").exit_code == 0
+    assert call("run", ran, "--quiet", "--set", "write.formats=[sid]").exit_code == 0
 
 
 def test_two_results_of_one_name_are_refused(study: Path) -> None:
@@ -164,9 +160,8 @@ def test_results_whose_names_differ_in_capitals_only_are_refused(study: Path) ->
     assert re.search(r"two results of this run would have this name \(\w+.h5 is another one on some", found.stderr)
 
 
-def test_clearing_the_cache_leaves_foreign_files(study: Path) -> None:
-    out = study.parent / "out"
-    assert call("run", study, "--quiet").exit_code == 0
+def test_clearing_the_cache_leaves_foreign_files(ran: Path) -> None:
+    out = ran.parent / "out"
     mine = out / "stages" / "mine.reduce.h5"
     with h5py.File(mine, "w") as file:
         file["mine"] = 1.0

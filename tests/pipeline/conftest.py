@@ -26,7 +26,8 @@ def finished_study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the study after a run; its results are in ``out``."""
     path = write_study(tmp_path_factory.mktemp("finished"))
     pipeline = load_pipeline(path)
-    execute(Run(pipeline, pipeline.output, Log()), path)
+    result = execute(Run(pipeline, pipeline.output, Log()), path)
+    assert result is not None and result.passed
     return path.parent
 
 
@@ -38,6 +39,16 @@ def study(good_study: Path, tmp_path: Path) -> Path:
     path = folder / "study.yaml"
     path.write_text(PIPELINE.format(output=folder / "out"))
     return path
+
+
+@pytest.fixture
+def ran(finished_study: Path, tmp_path: Path) -> Path:
+    """A copy of the study and of its results, as a run in this folder leaves them; its pipeline file."""
+    folder = tmp_path / "study"
+    shutil.copytree(finished_study, folder)
+    for path in (folder / "study.yaml", folder / "out" / "stages" / "origin.json"):
+        path.write_text(path.read_text().replace(str(finished_study), str(folder)))
+    return folder / "study.yaml"
 
 
 @pytest.fixture
