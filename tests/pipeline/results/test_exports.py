@@ -24,8 +24,8 @@ def run(opened: Callable[..., Run]) -> Run:
     return opened("balance.keep={modes: {arm: 6, panel: 5}}")
 
 
-def test_shapes_are_those_of_the_component_file(finished_study: Path) -> None:
-    folder = finished_study / "out"
+def test_shapes_are_those_of_the_component_file(ran: Path) -> None:
+    folder = ran.parent / "out"
     told = CliRunner().invoke(main, ["report", str(folder), "--vtu", "--csv", "--png"])
     assert told.exit_code == 0, told.output
     found = meshio.read(folder / "shapes" / "arm.vtu")
