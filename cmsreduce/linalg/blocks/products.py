@@ -144,7 +144,7 @@ def entrywise_product(A: sp.csc_array, entries: Callable[[Rows, slice], Array]) 
     mkl = mkl_library() is not None and A.nnz >= _FEW_FOR_MKL and A.indices.dtype == np.int32
 
     def product(X: Array) -> Array:
-        X, Y = np.ascontiguousarray(X), np.empty(X.shape)
+        X, Y = np.ascontiguousarray(X, dtype=np.float64), np.empty(X.shape)
         # One column takes MKL longer than scipy.
         by_mkl = mkl and X.ndim > 1 and X.shape[1] > 1
 

@@ -54,10 +54,14 @@ def test_every_thread_count_gives_the_same_digits(A, threads, columns):
 @pytest.mark.parametrize("threads", [1, 2, 7])
 def test_products_with_absolute_values(threads):
     X = np.random.default_rng(0).standard_normal((N, 4))
+    whole = np.arange(4 * N).reshape(N, 4)
     for A in (band(40), hollow()):
-        with solver_settings(SolverSettings(threads=threads)):
-            np.testing.assert_allclose(absolute_product(A)(np.asfortranarray(X)), abs(A) @ X, rtol=0, atol=1e-13)
         assert (A.data < 0).any()
+        for given in (np.asfortranarray(X), X[:, 0], X.astype(np.float32), whole):
+            with solver_settings(SolverSettings(threads=threads)):
+                found = absolute_product(A)(given)
+            expected = abs(A) @ given.astype(np.float64)
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * max(1.0, abs(given).max()))
 
 
 def test_a_small_product():
