@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -141,7 +142,8 @@ def entrywise_product(A: sp.csc_array, entries: Callable[[Rows, slice], Array]) 
     entries : callable
         Gives the entries (nnz,) that take the place of those of some rows of A, from these rows and their numbers.
     """
-    mkl = mkl_library() is not None and A.nnz >= _FEW_FOR_MKL and A.indices.dtype == np.int32
+    mkl = mkl_library() is not None and A.nnz >= _FEW_FOR_MKL
+    mkl = mkl and A.data.dtype == np.float64 and A.indices.dtype == A.indptr.dtype == np.int32
 
     def product(X: Array) -> Array:
         X, Y = np.ascontiguousarray(X, dtype=np.float64), np.empty(X.shape)
@@ -153,11 +155,13 @@ def entrywise_product(A: sp.csc_array, entries: Callable[[Rows, slice], Array]) 
             own = slice(indptr[0], indptr[-1])
             part = Rows(indptr - indptr[0], A.indices[own], A.data[own])
             data = entries(part, rows)
-            if by_mkl:
-                SparseMatrix(part.indptr, part.indices, data, A.shape[1]).multiply(X, Y[rows], 1)
-            else:
-                shape = (part.indptr.size - 1, A.shape[1])
-                Y[rows] = np.asarray(sp.csr_array((data, part.indices, part.indptr), shape) @ X)
+            # MKL may refuse them.
+            with suppress(ValueError):
+                if by_mkl:
+                    SparseMatrix(part.indptr, part.indices, data, A.shape[1]).multiply(X, Y[rows], 1)
+                    return
+            shape = (part.indptr.size - 1, A.shape[1])
+            Y[rows] = np.asarray(sp.csr_array((data, part.indices, part.indptr), shape) @ X)
 
         share_rows(A.shape[0], _AT_ONCE, multiply)
         return Y

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.linalg.blocks import absolute_product, symmetric_product
+from cmsreduce.linalg.blocks import absolute_product, products, symmetric_product
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 
 N = 3000
@@ -62,6 +62,18 @@ def test_products_with_absolute_values(threads):
                 found = absolute_product(A)(given)
             expected = abs(A) @ given.astype(np.float64)
             np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * max(1.0, abs(given).max()))
+
+
+def test_rows_that_mkl_refuses_or_cannot_read(monkeypatch):
+    A, X = band(40), np.random.default_rng(0).standard_normal((N, 4))
+    long = sp.csc_array((A.data.astype(np.float32), A.indices.astype(np.int64), A.indptr.astype(np.int64)), A.shape)
+    np.testing.assert_allclose(absolute_product(long)(X), abs(long) @ X, rtol=1e-12, atol=1e-12)
+
+    def refused(*_):
+        raise ValueError("MKL refuses the sparse matrix")
+
+    monkeypatch.setattr(products, "SparseMatrix", refused)
+    np.testing.assert_allclose(absolute_product(A)(X), abs(A) @ X, rtol=0, atol=1e-13)
 
 
 def test_a_small_product():
