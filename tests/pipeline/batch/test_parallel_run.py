@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.linalg.blocks import symmetric_product
-from cmsreduce.linalg.machine import mkl_library
+from cmsreduce.linalg.machine import SolverSettings, mkl_library, solver_settings
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.batch import opened_run
 from cmsreduce.pipeline.batch.parallel_run import ParallelRun, _finish_body, _Opening
@@ -152,7 +152,9 @@ def test_what_is_wrong_is_said_once_and_by_the_run(good_study: Path, tmp_path: P
 def entry_in_shared_memory() -> tuple[Path, bool]:
     """Entry of Intel's OpenMP in this process after a product in sparse algebra, and whether it is there."""
     A = sp.csc_array(sp.eye_array(20_000))
-    symmetric_product(A)(np.ones((20_000, 8)))
+    # One thread alone leaves none.
+    with solver_settings(SolverSettings(threads=2)):
+        symmetric_product(A)(np.ones((20_000, 8)))
     entry = Path(f"/dev/shm/__KMP_REGISTERED_LIB_{os.getpid()}_{os.getuid()}")
     return entry, entry.exists()
 
