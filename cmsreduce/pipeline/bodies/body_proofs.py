@@ -22,6 +22,7 @@ from cmsreduce.pipeline.evidence import (
     energy_ratios,
     exchanges_hidden,
     fields_in_words,
+    followers_in_words,
     generalised_coordinates,
     links_against_deck,
     lumps,
@@ -256,11 +257,10 @@ def _mass(
     most = order.status == "alike" and order.alike <= _FEW * order.nodes
     free = rows.motions == _ALL_MOTIONS
     if stated is not None:
-        found, by_deck = _mass_by_deck(body, stated, free, order)
+        found, by_deck, said = _mass_by_deck(body, stated, free, order)
         checks += found
         apart += "".join({f"; {check.note}": None for check in found if check.note})
-        if by_deck:
-            ordered, evidence = True, by_deck
+        ordered, evidence = ordered or by_deck, said if by_deck else evidence + said
     # Masses beside their grids, once they are found as stated, would hide the moments of the rest.
     stated_points = stated is not None and any(check.name.startswith("inertia of each") for check in checks)
     rest = without_points(body, stated.points) if stated is not None and stated_points else body.M
@@ -306,23 +306,22 @@ def _mass(
     return checks, Proof("mass", "proven", digits, f"{evidence}{deck}{apart}", only=only)
 
 
-def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrder) -> tuple[list[Finding], str]:
-    """Checks of a free or held body's mass against the deck, and the evidence of its order; empty if there is none."""
+def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrder) -> tuple[list[Finding], bool, str]:
+    """Checks of a free or held body's mass against the deck, if they prove its order, and remarks."""
     known = stated.nodal_known and (stated.nodal_if_lumped or order.status != "lumped")
-    checks = against_deck(stated, body) if free else []
-    if not free and known and (away := nodes_times_deck(body, stated.nodal)) is not None:
-        checks = [away]
+    away = nodes_times_deck(body, stated.nodal) if not free and known else None
+    checks = against_deck(stated, body) if free else [away] if away is not None else []
     # Nodes with each other's mass are looked for where the mass as a whole, the first check, is that of the deck.
     if not known or not all(check.passed for check in checks[:1]):
-        return checks, ""
+        return checks, False, ""
     if (apart := directions_against_deck(body, stated)) is not None:
         checks.append(apart)
     if (points := points_against_deck(body, stated)) is not None:
         checks.append(points)
     nodes = mass_order_by_deck(body, stated.nodal, free or order.status == "lumped")
     if nodes is None:
-        return checks, ""
-    return [*checks, nodes], "each node has the mass that the deck states" if nodes.passed else ""
+        return checks, False, followers_in_words(body, stated.nodal) if away is None else ""
+    return [*checks, nodes], nodes.passed, "each node has the mass that the deck states" if nodes.passed else ""
 
 
 def _figures(body: FEModel) -> str:

@@ -13,7 +13,12 @@ from cmsreduce.pipeline.evidence.deck_agreement import (
     ratio_in_words,
     statement_of,
 )
-from cmsreduce.pipeline.evidence.mass_against_deck import directions_against_deck, mass_order_by_deck, nodes_times_deck
+from cmsreduce.pipeline.evidence.mass_against_deck import (
+    directions_against_deck,
+    followers_in_words,
+    mass_order_by_deck,
+    nodes_times_deck,
+)
 from cmsreduce.pipeline.evidence.nodal_links import links_against_deck
 from cmsreduce.pipeline.evidence.nodal_mass import (
     exchanges_hidden,
@@ -36,6 +41,7 @@ __all__ = [
     "generalised_coordinates",
     "links_against_deck",
     "lumps",
+    "followers_in_words",
     "mass_order_by_deck",
     "moments_toward_neighbours",
     "nodes_against_deck",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.model import FEModel, Finding, each_once
@@ -11,7 +13,13 @@ from cmsreduce.pipeline.evidence.deck_agreement import EXACT, known_dofs, masses
 from cmsreduce.pipeline.evidence.nodal_mass import momentum_of_nodes
 from cmsreduce.read import StatedMass
 
-__all__ = ["away_from_supports", "directions_against_deck", "mass_order_by_deck", "nodes_times_deck"]
+__all__ = [
+    "away_from_supports",
+    "directions_against_deck",
+    "followers_in_words",
+    "mass_order_by_deck",
+    "nodes_times_deck",
+]
 
 Array = NDArray[np.float64]
 
@@ -29,6 +37,8 @@ _NAMED, _MOST_NODES = 5, 600
 _ONE_MASS = 1e-6
 # Roundings of the file that add up over a node.
 _ROUNDINGS = 1e3
+# Of the size of the body: the last of the digits of coordinates in a deck.
+_ONE_PLACE = 1e-6
 _TOGETHER = "as a whole at nodes that constraints join: {}"
 
 
@@ -56,7 +66,7 @@ def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding
     at = body.nodes.index(ids)
     found, stated = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
     off = _apart(found, stated, stated.max(initial=0.0))
-    joined = _joined(body, nodal, ids, found, off) if comparable else None
+    joined = _joined(body, nodal, ids, P) if comparable else None
     whole = joined is not None
     # Condensation moves a part of the mass of each node to its neighbours.
     wrong_by, like = (_SAME, _SAME) if whole else (_OTHER, _LIKE)
@@ -99,7 +109,7 @@ def nodes_times_deck(body: FEModel, nodal: Array) -> Finding | None:
     whole &= away_from_supports(body, ids) & (abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0))
     found, share = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
     most = float(np.median(found[whole] / share[whole])) if whole.any() else 0.0
-    joined = _joined(body, most * nodal, ids, found, _apart(found, most * share, abs(most * share).max()), whole)
+    joined = _joined(body, most * nodal, ids, P, whole)
     if joined is None:
         return None
     whole, note = whole & ~joined, _TOGETHER.format(named_nodes(ids[joined])) if joined.any() else ""
@@ -159,10 +169,20 @@ def directions_against_deck(body: FEModel, stated: StatedMass) -> Finding | None
     return Finding("mass matrix: coupling of x, y and z", float(off.max(initial=0.0)), limit, note)
 
 
+def followers_in_words(body: FEModel, nodal: Array) -> str:
+    """Remark that the masses of nodes that lost rows to others are not proven; empty without such nodes."""
+    assert body.nodes is not None
+    ids = body.nodes.id[~masses_move(body, nodal)]
+    return f"; masses that constraints move to other nodes are not proven: node {named_nodes(ids)}" if ids.size else ""
+
+
 def _joined(
-    body: FEModel, nodal: Array, ids: NDArray[np.int64], found: Array, off: Array, seen: NDArray[np.bool_] | bool = True
+    body: FEModel, nodal: Array, ids: NDArray[np.int64], P: Array, seen: NDArray[np.bool_] | bool = True
 ) -> NDArray[np.bool_] | None:
-    """Nodes (k,) that carry each other's mass, as those of hinges do; None if their masses together are not the deck's.
+    """Nodes (k,) of hinges: those that lost rows to another one at their place, and those that lead them.
+
+    The elements of one that follows act on the one that leads, so that K couples both with the nodes around. Which node
+    leads one without rows, or one at another place, is not known.
 
     Parameters
     ----------
@@ -172,26 +192,50 @@ def _joined(
         Mass of the deck at each node.
     ids : (k,) int64
         Nodes with rows.
-    found, off : (k,) float64
-        Their masses in the matrix, and the differences from the deck, relative.
+    P : (k, 3, 3) float64
+        Their momentum under translations.
     seen : (k,) bool
         True for those whose whole mass is in the matrix.
+
+    Returns
+    -------
+    (k,) bool or None
+        None if a place has not one node that leads, if their mass is not that of the deck in each direction, or if the
+        rows that are left of a node that follows do not have its mass.
     """
     assert body.nodes is not None
-    lost = ~masses_move(body, nodal)
-    if not lost.any():
-        return np.zeros(ids.size, dtype=bool)
-    at = body.nodes.index(ids)
-    some, stated = lost[at], nodal[at]
-    gone = nodal[lost].sum() - found[some].sum()
-    # The masses at nodes that lead are larger by those of the nodes that follow, one for each.
-    others = np.flatnonzero((off > _SAME) & seen & ~some)
-    others = others[np.argsort(stated[others] - found[others], kind="stable")][: int(lost.sum())]
-    left = abs(np.cumsum(found[others] - stated[others]) - gone) <= _SAME * (gone + np.cumsum(stated[others]))
-    if not left.any():
+    xyz, follows = body.nodes.xyz, ~masses_move(body, nodal)
+    joined = np.zeros(ids.size, dtype=bool)
+    if not follows.any():
+        return joined
+    if follows.sum() > _MOST_NODES:
         return None
-    some[others[: int(left.argmax()) + 1]] = True
-    return some
+    reach = _ONE_PLACE * float(np.ptp(xyz, axis=0).max())
+    at, largest = body.nodes.index(ids), abs(nodal).max()
+    for place in {tuple(sorted(near)) for near in cKDTree(xyz[follows]).query_ball_tree(cKDTree(xyz), reach)}:
+        around = {k: _coupled_nodes(body, int(body.nodes.id[k])) - set(body.nodes.id[list(place)]) for k in place}
+        following = [k for k in place if follows[k]]
+        leading = [k for k in place if not follows[k] and all(around[k] & around[other] for other in following)]
+        if len(leading) != 1 or not (np.isin(at, leading) & seen).any():
+            return None
+        here = np.isin(at, [*following, *leading])
+        mass = nodal[[*following, *leading]].sum()
+        off = abs(P[here].sum(axis=0) - mass * np.eye(3)).max()
+        for k in np.flatnonzero(here & follows[at]):
+            axes = body.nodes.frame[at[k]][body.dofs.rows(ids[k], np.arange(1, 4)) >= 0]
+            off = max(off, abs(P[k] - nodal[at[k]] * axes.T @ axes).max())
+        if off > _SAME * max(abs(mass), _SAME * largest):
+            return None
+        joined |= here
+    return joined
+
+
+def _coupled_nodes(body: FEModel, node: int) -> set[int]:
+    """Nodes that K couples with one, by more than rounding."""
+    rows = np.flatnonzero(body.dofs.node == node)
+    part, own = sp.coo_array(body.K[:, rows]), np.sqrt(abs(body.K.diagonal()))
+    least = max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * own[part.row] * own[rows][part.col]
+    return set(body.dofs.node[part.row[abs(part.data) > least]])
 
 
 def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:

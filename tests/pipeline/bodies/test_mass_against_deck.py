@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.model import FEModel, Nodes
+from cmsreduce.model import FEModel, Nodes, Proof
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.bodies.body_proofs import definite
 from tests.frames import Section, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards
 from tests.pipeline.bodies.test_body_proofs import opened, proof_of
 from tests.solids import block
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
 
 CELLS, SIDES = (6, 2, 2), [1.5, 0.5, 0.75]
 ROOT = range(1, 10)
@@ -104,6 +107,24 @@ def hinged(M: sp.csc_array, body: FEModel, components: tuple[int, ...]) -> FEMod
     return replace(body, K=K, M=M, dofs=body.dofs[left], interfaces={}, grounded=False)
 
 
+HINGE_XYZ = [[0.1 * min(i, 8), 0.1 * max(i - 8, 0), 0] for i in [*range(9), *range(8, 17)]]
+HINGE_BARS = [(i, i + 1) for i in range(1, 18) if i != 9]
+
+
+def hinge_proof(
+    folder: Path, body: FEModel, M: sp.csc_array, components: tuple[int, ...]
+) -> tuple[FlexibleBody, Proof]:
+    """Proof of two rows of bars with a hinge between nodes 9 and 10, held at node 1."""
+    deck = [*bar_cards(HINGE_BARS, HINGE_XYZ), "SPC1,1,123456,1", f"RBE2,90,9,{''.join(map(str, components))},10"]
+    found = opened(folder, hinged(M, body, components), deck)
+    return found, proof_of(found, "mass")
+
+
+def lumped_mass(body: FEModel) -> Array:
+    moving = body.dofs.component <= 3
+    return np.where(moving, body.M @ (body.rigid_shapes[:, :3].sum(axis=1) * moving), 1e-9)
+
+
 @pytest.mark.parametrize("components", [(1, 2, 3), (1, 2, 3, 4, 5), (2, 3, 4, 5, 6)])
 @pytest.mark.parametrize("lumped", [False, True])
 @pytest.mark.parametrize("wrong", [(), (14,), (4, 14)])
@@ -111,24 +132,75 @@ def test_nodes_beside_a_hinge_are_compared(
     tmp_path: Path, components: tuple[int, ...], lumped: bool, wrong: tuple[int, ...]
 ) -> None:
     """The node that follows keeps some of its rows, without its mass; the mass of its hinge is compared as a whole."""
-    xyz = [[0.1 * min(i, 8), 0.1 * max(i - 8, 0), 0] for i in [*range(9), *range(8, 17)]]
-    bars = [(i, i + 1) for i in range(1, 18) if i != 9]
-    body = frame("part", xyz, bars)
-    moving = body.dofs.component <= 3
-    mass = np.where(moving, body.M @ (body.rigid_shapes[:, :3].sum(axis=1) * moving), 1e-9)
+    body = frame("part", HINGE_XYZ, HINGE_BARS)
     # Two nodes exchange a part of their mass, one has more.
     factor = np.ones(body.n)
     for node, more in zip(wrong, (0.04, -0.04), strict=False):
         factor[body.dofs.node == node] += more
     S = sp.diags_array(np.sqrt(factor))
-    M = sp.csc_array(S @ (sp.diags_array(mass) if lumped else body.M) @ S)
-    deck = [*bar_cards(bars, xyz), "SPC1,1,123456,1", f"RBE2,90,9,{''.join(map(str, components))},10"]
-    found = opened(tmp_path, hinged(M, body, components), deck)
-    proof = proof_of(found, "mass")
+    M = sp.csc_array(S @ (sp.diags_array(lumped_mass(body)) if lumped else body.M) @ S)
+    found, proof = hinge_proof(tmp_path, body, M, components)
     assert proof.state == ("refuted" if wrong else "proven")
     if not wrong:
         assert not [check for check in found.checks if not check.passed]
         assert "as a whole at nodes that constraints join: 9" in proof.remark
+        assert "not proven" not in proof.remark
+
+
+@pytest.mark.parametrize(
+    ("components", "wrong"),
+    [
+        *(((1, 2, 3, 4, 5), {(10, c): (node, c) for c in (1, 2, 3)}) for node in (3, 8, 11, 14, 17)),
+        # The half of a bar along one axis at another axis, and along a free axis at the node that leads.
+        ((1, 2, 3, 4, 5), {(10, 2): (9, 1)}),
+        ((2, 3, 4, 5, 6), {(10, 1): (9, 1)}),
+        ((1, 3, 4, 5, 6), {(10, 2): (9, 2)}),
+    ],
+)
+def test_mass_of_a_hinge_at_a_wrong_place_is_not_proven(
+    tmp_path: Path, components: tuple[int, ...], wrong: dict[tuple[int, int], tuple[int, int]]
+) -> None:
+    """The mass of the node that follows, at another node than the one that leads it or along another axis."""
+    body = frame("part", HINGE_XYZ, HINGE_BARS)
+    mass = lumped_mass(body)
+    for (node, c), (other, d) in wrong.items():
+        row, to = body.dofs.rows(node, [c]), body.dofs.rows(other, [d])
+        mass[to] += mass[row]
+        mass[row] = 0.0
+    _, proof = hinge_proof(tmp_path, body, sp.csc_array(sp.diags_array(mass)), components)
+    assert proof.state != "proven"
+    assert "masses that constraints move to other nodes are not proven: node 10" in proof.remark
+
+
+@pytest.mark.parametrize("place", [10, 3, 14])
+def test_mass_that_an_equation_moves_to_another_place_is_not_proven(tmp_path: Path, place: int) -> None:
+    """Node 10, 5 cm beside node 9, follows it by equations: nothing in the matrices tells node 9 from others."""
+    xyz = [[x + 0.05 * (k > 8), y, z] for k, (x, y, z) in enumerate(HINGE_XYZ)]
+    body = frame("part", xyz, HINGE_BARS)
+    mass = lumped_mass(body)
+    if place != 10:
+        row = body.dofs.rows(10, [1, 2, 3])
+        mass[body.dofs.rows(place, [1, 2, 3])] += mass[row]
+        mass[row] = 0.0
+    deck = [*bar_cards(HINGE_BARS, xyz), "SPC1,1,123456,1", *(f"MPC,1,10,{c},1.,9,{c},-1." for c in (1, 2, 3))]
+    found = opened(tmp_path, hinged(sp.csc_array(sp.diags_array(mass)), body, (1, 2, 3)), deck)
+    proof = proof_of(found, "mass")
+    assert proof.state == "unproven" and "to other nodes are not proven: node 10" in proof.remark
+
+
+@pytest.mark.parametrize("other", [False, True])
+def test_a_third_node_at_the_place_of_a_hinge_does_not_lead(tmp_path: Path, other: bool) -> None:
+    """Nodes 9, 10 and 19 are at one place; the mass of node 10 is at 19 if ``other``."""
+    xyz, bars = [*HINGE_XYZ, HINGE_XYZ[8], [0.8, 0, 0.1]], [*HINGE_BARS, (19, 20), (3, 20)]
+    body = frame("part", xyz, bars)
+    mass = lumped_mass(body)
+    row, to = body.dofs.rows(10, [1, 2, 3]), body.dofs.rows(19, [1, 2, 3])
+    if other:
+        mass[to] += mass[row]
+        mass[row] = 0.0
+    deck = [*bar_cards(bars, xyz), "SPC1,1,123456,1", "RBE2,90,9,12345,10"]
+    found = opened(tmp_path, hinged(sp.csc_array(sp.diags_array(mass)), body, (1, 2, 3, 4, 5)), deck)
+    assert proof_of(found, "mass").state == ("unproven" if other else "proven")
 
 
 @pytest.mark.parametrize(("heavy", "far"), [(1e5, 0.0), (100.0, 2e3)])
