@@ -80,7 +80,7 @@ def mesh(path: str, format: str | None = None) -> Arrays:
         raise
     if numbers and path.lower().endswith(".msh"):
         ends = [(np.min(block.data, initial=0), np.max(block.data, initial=0)) for block in found.cells]
-        if any(first < 0 or last >= numbers[0].size for first, last in ends):
+        if any(first < 0 or last >= numbers[0].size for first, last in ends) or has_negative(path):
             refuse_missing_node(path, numbers[0])
     if len(numbers) > 1:
         raise ValueError(f"it has {len(numbers)} blocks of nodes, and one is read: write all nodes in one")
@@ -98,6 +98,11 @@ def mesh(path: str, format: str | None = None) -> Arrays:
     sets = {f"set {number}": ids for number, ids in enumerate(named.values())}
     own = {"number": numbers[0]} if numbers else {}
     return {"points": np.asarray(found.points), "names": np.array(list(named), dtype=str), **own, **cells, **sets}
+
+
+def has_negative(path: str) -> bool:
+    """Whether a negative number stands in the elements of a file of gmsh: meshio counts such nodes from the end."""
+    return b"-" in Path(path).read_bytes().rpartition(b"$Elements")[2].partition(b"$EndElements")[0]
 
 
 def refuse_missing_node(path: str, numbers: Any) -> None:
@@ -160,9 +165,10 @@ def keep_numbers() -> list[Any]:
         def numbered(*told: Any, read: Callable[..., Any] = version._read_nodes, first: int = first) -> Any:
             points, tags, *rest = read(*told)
             kept.append(np.asarray(tags, dtype=np.int64) + first)
-            # meshio counts node 0 and negative ones from the end, where these tags lead to no point.
+            # meshio counts node 0 and negative ones from the end, where these tags lead to no point. Its table has
+            # as many rows as the last number, and these are few beside it.
             last = int(np.max(tags, initial=0))
-            return points, np.append(tags, np.arange(last + 1, 2 * last + 3)), *rest
+            return points, np.append(tags, np.arange(last + 1, last + 2 + len(tags))), *rest
 
         version._read_nodes = numbered
     points_of = _mdpa._read_nodes

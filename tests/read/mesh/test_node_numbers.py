@@ -80,7 +80,7 @@ def test_elements_of_kratos_keep_to_the_nodes_of_the_file(tmp_path: Path, old: s
         read_geometry(tmp_path / "a.mdpa")
 
 
-@pytest.mark.parametrize("missing", [0, 25, 71])
+@pytest.mark.parametrize("missing", [0, 25, 71, -1, -5, -50, -70, -71, -72, -140])
 @pytest.mark.parametrize("comment", ["", "$Comments\nmade by hand\n$EndComments\n"])
 @pytest.mark.parametrize("name", ["a22.msh", "a41.msh", "a40.msh"])
 def test_an_element_of_gmsh_with_a_missing_node_is_named(tmp_path: Path, name: str, comment: str, missing: int) -> None:
@@ -94,6 +94,36 @@ def test_an_element_of_gmsh_with_a_missing_node_is_named(tmp_path: Path, name: s
     for read in (read_geometry, lambda path: read_cells(path) or read_geometry(path)):
         with pytest.raises(ReadError, match=f"element 17 names node {missing}, which is not in the file"):
             read(tmp_path / name)
+
+
+@pytest.mark.parametrize("missing", [-1, -4, -5, -6, -7, -8, -9, -12])
+@pytest.mark.parametrize("name", ["a22.msh", "a41.msh"])
+def test_a_negative_node_of_gmsh_is_no_other_one(tmp_path: Path, name: str, missing: int) -> None:
+    """Of nodes 1 to 4, -8 was node 2, as meshio counts from the end of its table."""
+    text = FILES[name].replace("4 20 70", "4 1 4")
+    for new, old in enumerate(PLACES, start=1):
+        text = text.replace(f"\n{old} ", f"\n{new} ").replace(f"\n{old}\n", f"\n{new}\n")
+    (tmp_path / name).write_text(text.replace(" 20 40 30 70\n$End", f" 1 2 3 {missing}\n$End"))
+    with pytest.raises(ReadError, match=f"element 1 names node {missing}, which is not in the file"):
+        read_geometry(tmp_path / name)
+
+
+@pytest.mark.parametrize("tags", ["2 0 1", "5 0 1 3 2 -3"])
+def test_a_ghost_of_gmsh_has_a_negative_partition(tmp_path: Path, tags: str) -> None:
+    (tmp_path / "a.msh").write_text(FILES["a22.msh"].replace("1 4 2 0 1", f"1 4 {tags}"))
+    assert read_cells(tmp_path / "a.msh")["tetra"].tolist() == [[20, 40, 30, 70]]
+
+
+@pytest.mark.parametrize("name", ["a22.msh", "a41.msh"])
+def test_large_numbers_need_no_more_than_the_table_of_meshio(tmp_path: Path, name: str) -> None:
+    """A table of twice the last number was refused as "more memory than its bytes justify", 4.1 from 5e7."""
+    text = FILES[name]
+    for id in PLACES:
+        text = text.replace(f"\n{id} ", f"\n{10**8 + id} ").replace(f" {id}", f" {10**8 + id}")
+        text = text.replace(f"\n{id}\n", f"\n{10**8 + id}\n")
+    (tmp_path / name).write_text(text)
+    assert read_geometry(tmp_path / name).nodes.id.tolist() == [10**8 + id for id in PLACES]
+    assert read_cells(tmp_path / name)["tetra"].tolist() == [[10**8 + id for id in (20, 40, 30, 70)]]
 
 
 @pytest.mark.parametrize("name", ["a22.msh", "a.vtu"])
