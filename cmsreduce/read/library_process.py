@@ -70,7 +70,7 @@ def mesh(path: str, format: str | None = None) -> Arrays:
                 "pip install meshio==5.3.5, or write the mesh as MED"
             ) from error
     if path.lower().endswith(".vtu"):
-        take_later_vtu()
+        take_any_vtu(path)
     try:
         found = meshio.read(path, format)
     except IndexError:
@@ -130,15 +130,26 @@ def refuse_missing_node(path: str, numbers: Any) -> None:
                     raise ValueError(f"element {words[0]} names node {node}, which is not in the file: write it again")
 
 
-def take_later_vtu() -> None:
-    """Make meshio read versions 2.x of .vtu, which VTK, ParaView and DOLFINx write: for meshes they are version 1."""
+def take_any_vtu(path: str) -> None:
+    """Make meshio read what VTK, ParaView and DOLFINx write: versions 2.x, for meshes version 1, and data of a field.
+
+    Raises ValueError for a compressor without a library.
+    """
     from xml.etree import ElementTree
 
     from meshio.vtu import _vtu
 
-    def without_version(root: Any) -> Any:
+    with open(path, "rb") as file:  # noqa: PTH123
+        if b"vtkLZ4DataCompressor" in file.read(4096):
+            raise ValueError("it is compressed with LZ4: write it with ZLib")
+
+    def mesh_alone(root: Any) -> Any:
         if root.get("version", "").startswith("2."):
             del root.attrib["version"]
+        # Times, which are no names of groups, and texts, at which meshio stops.
+        for grid in root:
+            for data in grid.findall("FieldData"):
+                grid.remove(data)
         return root
 
     trees: Any = ElementTree
@@ -146,11 +157,11 @@ def take_later_vtu() -> None:
 
     def parsed(*told: Any) -> Any:
         tree = parse(*told)
-        without_version(tree.getroot())
+        mesh_alone(tree.getroot())
         return tree
 
     trees.parse = parsed
-    _vtu._parse_raw_binary = lambda path: without_version(parse_binary(path))
+    _vtu._parse_raw_binary = lambda path: mesh_alone(parse_binary(path))
 
 
 def keep_numbers() -> list[Any]:

@@ -22,6 +22,15 @@ ARRAYS = {
 }
 
 
+FIELDS = {
+    "time": '<DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">0.5</DataArray>',
+    "pair": '<DataArray type="Int64" Name="CYCLE" NumberOfTuples="2" format="ascii">7 3</DataArray>',
+    "text": '<Array type="String" Name="Title" NumberOfTuples="1" format="ascii">98 97 114 0</Array>',
+    "tensor": '<DataArray type="Float32" Name="T" NumberOfComponents="9" NumberOfTuples="1" format="ascii">'
+    "1 2 3 4 5 6 7 8 9</DataArray>",
+}
+
+
 def written(version: str, raw: bool) -> bytes:
     """Two tetrahedra, the second a Lagrange cell, as text between tags or as raw bytes behind them."""
     body, behind = "", b""
@@ -55,6 +64,26 @@ def test_later_versions_are_read(tmp_path: Path, version: str, raw: bool) -> Non
     path.write_bytes(written(version, raw))
     assert np.array_equal(read_geometry(path).nodes.xyz, XYZ)
     assert {kind: cells.tolist() for kind, cells in read_cells(path).items()} == {"tetra": [[3, 2, 1, 4], [2, 3, 4, 5]]}
+
+
+@pytest.mark.parametrize("raw", [False, True])
+@pytest.mark.parametrize("field", [*FIELDS, "all"])
+def test_times_and_texts_are_no_names_of_cells(tmp_path: Path, field: str, raw: bool) -> None:
+    """A file of one time step, as ParaView writes it, ended in "not enough values to unpack"."""
+    said = "".join(FIELDS.values()) if field == "all" else FIELDS[field]
+    text = written("1.0", raw).replace(b"\n<Piece", f"\n<FieldData>{said}</FieldData>\n<Piece".encode())
+    (tmp_path / "body.vtu").write_bytes(text)
+    shape = read_geometry(tmp_path / "body.vtu")
+    assert np.array_equal(shape.nodes.xyz, XYZ) and not shape.node_sets
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_a_compressor_that_is_not_read_is_named(tmp_path: Path, raw: bool) -> None:
+    """It was "AssertionError", or the name of the compressor alone."""
+    text = written("1.0", raw).replace(b' header_type="', b' compressor="vtkLZ4DataCompressor" header_type="')
+    (tmp_path / "body.vtu").write_bytes(text)
+    with pytest.raises(ReadError, match="it is compressed with LZ4: write it with ZLib"):
+        read_geometry(tmp_path / "body.vtu")
 
 
 def test_a_version_to_come_is_refused_by_its_number(tmp_path: Path) -> None:
