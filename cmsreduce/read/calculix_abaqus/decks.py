@@ -33,18 +33,18 @@ _LONGEST_RANGE = 10**7
 
 @dataclass
 class Block:
-    """A keyword with its options and its data lines, each with its number."""
+    """A keyword with its options and its data lines, each with its file and its number there."""
 
     keyword: str
     options: dict[str, str]
     where: str
     path: Path
-    data: list[tuple[int, str]] = field(default_factory=list)
+    data: list[tuple[Path, int, str]] = field(default_factory=list)
 
     @property
     def rows(self) -> Iterator[list[str]]:
         """Fields of each data line, without blanks, in capitals."""
-        for _, line in self.data:
+        for *_, line in self.data:
             yield [text.strip().upper() for text in line.split(",")]
 
     def option(self, name: str) -> str:
@@ -94,7 +94,7 @@ def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
     for number, line in lines:
         if not line.startswith("*"):
             if block is not None:
-                block.data.append((number, line))
+                block.data.append((path, number, line))
             continue
         if block is not None:
             yield block
@@ -108,9 +108,9 @@ def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
             yield from blocks(_included(block, (*chain, path)), (*chain, path))
             block = None
         elif block.keyword in _OF_FILES and "INPUT" in block.options:
-            block.path = _included(block, (*chain, path))
-            check_included(block.path, (*chain, path))
-            block.data += _lines(block.path)
+            beside = _included(block, (*chain, path))
+            check_included(beside, (*chain, path))
+            block.data += ((beside, number, line) for number, line in _lines(beside))
     if block is not None:
         yield block
 

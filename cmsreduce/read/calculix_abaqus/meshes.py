@@ -266,7 +266,7 @@ def _node_lines(block: Block) -> tuple[Coordinates, float]:
         raise ReadError(f"{block.where}: cylindrical and spherical coordinates are not read; write rectangular ones")
     out: Coordinates = {}
     texts: list[str] = []
-    for number, line in block.data:
+    for path, number, line in block.data:
         fields = [text.strip() for text in line.split(",")]
         try:
             xyz = tuple(float(text.upper().replace("D", "E") or 0) for text in (*fields[1:4], "", "", ""))[:3]
@@ -275,14 +275,14 @@ def _node_lines(block: Block) -> tuple[Coordinates, float]:
                 raise ValueError
             out[int(fields[0])] = xyz
         except ValueError:
-            raise ReadError(f"{block.path}, line {number}: '{line.strip()[:60]}' is no node: id, x, y, z") from None
+            raise ReadError(f"{path}, line {number}: '{line.strip()[:60]}' is no node: id, x, y, z") from None
     return out, coordinate_rounding(texts)
 
 
 def _placed(nodes: Coordinates, instance: Block) -> Coordinates:
     """Nodes of an instance moved, then turned, by its data lines."""
     try:
-        numbers = [[float(text) for text in line.split(",") if text.strip()] for _, line in instance.data]
+        numbers = [[float(text) for text in line.split(",") if text.strip()] for *_, line in instance.data]
     except ValueError:
         raise ReadError(f"{instance.where}: its placement is not made of numbers") from None
     if not numbers:

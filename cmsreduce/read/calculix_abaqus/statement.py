@@ -343,6 +343,6 @@ def _elements(deck: Sequence[Block], path: Path) -> tuple[list[_Elements], list[
 
 def _topology(block: Block, count: int) -> tuple[Ids, Ids]:
     """Numbers (e,) and nodes (e, k) of the elements of a block, whose lines go on as the nodes ask for."""
-    text = " ".join(line for _, line in block.data).replace(",", " ")
+    text = " ".join(line for *_, line in block.data).replace(",", " ")
     table = np.array(text.split(), dtype=np.int64).reshape(-1, count + 1)
     return table[:, 0], table[:, 1:]

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read import read_geometry
 from cmsreduce.read.calculix_abaqus.constraints import nodes_with_own_rows, rotation_nodes, supports
 from cmsreduce.read.calculix_abaqus.decks import blocks, deck_sets
 
@@ -26,6 +27,23 @@ def test_text_that_is_no_number_of_a_node_is_passed_over(tmp_path: Path) -> None
     assert sets.nodes == {"ALL": (1, 2, 3), "SOME": (1, 3)}
     assert sets.topology == {1: (1, 2)}
     assert nodes_with_own_rows(found, sets) == set()
+
+
+@pytest.mark.parametrize(
+    ("deck_text", "file_text", "said"),
+    [
+        ("*NODE, INPUT=n.txt\n9,5,5,x\n", "1,0,0,0\n2,1,0,0\n", "m.inp, line 2: '9,5,5,x'"),
+        ("*NODE, INPUT=n.txt\n9,5,5,5\n", "1,0,0,0\n2,1,0,x\n", "n.txt, line 2: '2,1,0,x'"),
+        ("*NODE\n9,5,5,5\n*NODE, INPUT=n.txt\n** none\n8,5,5,x\n*STEP\n", "1,0,0,0\n", "m.inp, line 5: '8,5,5,x'"),
+        ("*NODE, INPUT=n.txt\n*NODE\n9,5,5,x\n", "1,0,0,0\n", "m.inp, line 3: '9,5,5,x'"),
+    ],
+)
+def test_a_damaged_node_is_blamed_on_its_file(tmp_path: Path, deck_text: str, file_text: str, said: str) -> None:
+    """Lines of the deck may follow those of a file; the file was named for both, with a line of the deck."""
+    (tmp_path / "m.inp").write_text(deck_text)
+    (tmp_path / "n.txt").write_text(file_text)
+    with pytest.raises(ReadError, match=f"/{said} is no node"):
+        read_geometry(tmp_path / "m.inp")
 
 
 def test_equations_name_their_nodes_whatever_their_lines(tmp_path: Path) -> None:
