@@ -281,9 +281,10 @@ def _sizes(geometry: Geometry) -> str:
 
 def _wanted(geometry: Geometry, stiffness: LabelledMatrix) -> str:
     """Remedy for a geometry none of whose sets has as many rows as the matrix."""
-    lost, nodes = _LOST_ROWS.get(stiffness.format, ""), len(geometry.nodes)
-    if not lost and stiffness.A.shape[0] > 6 * nodes:
-        return f"A mesh of more than its {nodes} nodes is wanted: also of those between corners of elements"
+    lost, n = _LOST_ROWS.get(stiffness.format, ""), stiffness.A.shape[0]
+    # A mesh defines no sets of its own.
+    if geometry.rows.keys() <= NODE_ROWS.keys() and n > min(map(len, geometry.rows.values()), default=n):
+        lost += "; with elements of second order the mesh must have the nodes between corners, too"
     return f"Give the deck that made the matrix, or `rows:`, a list of node.component, one a line{lost}"
 
 

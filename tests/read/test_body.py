@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 import scipy.io
@@ -176,7 +177,7 @@ def test_a_damping_matrix_is_put_on_the_same_rows(tmp_path: Path) -> None:
         (
             {"stiffness": 30},
             DofMapError,
-            r"of no dof set .*A mesh of more than its 2 nodes is wanted: also",
+            r"of no dof set .*Give the deck that made the matrix, or `rows:`, a list of node.component, one a line$",
         ),
         ({"rows": "b"}, DofMapError, r"there is no dof set 'b'; its sets and their sizes are a \(12\)"),
         ({"rows": "asett"}, DofMapError, r"there is no dof set 'asett'; its sets and their sizes are a \(12\)"),
@@ -200,6 +201,37 @@ def test_what_does_not_fit_is_refused(
     given["mass"] = sized("m", np.eye(6), changes.get("mass"))
     with pytest.raises(error, match=message):
         read_body("rod", **given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("high", [False, True])
+@pytest.mark.parametrize(("factor", "more"), [(1.6, True), (2.7, True), (5.4, True), (0.9, False)])
+def test_a_mesh_of_corners_alone_is_named_beside_elements_of_second_order(
+    tmp_path: Path, high: bool, factor: float, more: bool
+) -> None:
+    """In a plane, 7 x 7 corners have 133 nodes of quad8 in two rows each, which are less than six at each corner."""
+    x, y = np.meshgrid(np.arange(7.0), np.arange(7.0))
+    xyz = np.column_stack([x.ravel(), y.ravel(), 0.0 * x.ravel()])
+    corner = (np.arange(6)[:, None] * 7 + np.arange(6)).ravel()
+    cells = [("quad", corner[:, None] + [0, 1, 8, 7])]
+    if high:
+        cells = [("hexahedron", np.hstack([cells[0][1], cells[0][1] + 49]))]
+        xyz = np.vstack([xyz, np.add(xyz, (0.0, 0, 1))])
+    meshio.Mesh(xyz, cells).write(tmp_path / "a.vtu")
+    n = int(factor * (3 if high else 2) * len(xyz))
+    K = market(tmp_path / "k.mtx", sp.eye_array(n, format="csc"))
+    with pytest.raises(DofMapError, match=f"has {n} rows.*Give the deck") as refusal:
+        read_body("a", stiffness=K, mass=K, geometry=tmp_path / "a.vtu")
+    assert (
+        "; with elements of second order the mesh must have the nodes between corners" in str(refusal.value)
+    ) == more
+
+
+def test_a_deck_of_points_has_no_corners(tmp_path: Path) -> None:
+    """Rows beyond six for each grid are those of scalar points; a mesh was asked for in place of the deck."""
+    deck = write(tmp_path / "b.bdf", ["GRID,1", "GRID,2,,4.", "SPOINT,101,THRU,150", "ASET1,0,101,THRU,150"])
+    K = market(tmp_path / "k.mtx", sp.eye_array(40, format="csc"))
+    with pytest.raises(DofMapError, match=r"has 40 rows.*Give the deck that made the matrix, or `rows:`[^;]*$"):
+        read_body("a", stiffness=K, mass=K, geometry=deck)
 
 
 def test_a_rectangular_matrix_is_refused(tmp_path: Path) -> None:
