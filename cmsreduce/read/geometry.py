@@ -19,6 +19,7 @@ from cmsreduce.read.file_kind import GEOMETRY_HEAD, FileKind, file_kind, geometr
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
 from cmsreduce.read.labelled_matrix import LabelledMatrix
+from cmsreduce.read.marks import UNREAD_MESHES
 from cmsreduce.read.mesh import MESH
 from cmsreduce.read.stated import StatedEnergy, StatedMass
 
@@ -202,4 +203,5 @@ def _format_of(path: Path) -> GeometryFormat:
     if kind.geometry or kind.name == "unknown":
         return MESH
     step = "name the deck or mesh that the matrices were made from" if kind.matrices else kind.step
-    raise ReadError(f"{path}: this is {kind.words}, which holds no nodes" + (f": {step}" if step else ""))
+    lack = "whose nodes are not read" if kind.name in UNREAD_MESHES else "which holds no nodes"
+    raise ReadError(f"{path}: this is {kind.words}, {lack}" + (f": {step}" if step else ""))

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 
 from cmsreduce.read.matrices import PLANE_FREEFEM
 
-__all__ = ["MARKS", "NO_MODEL", "REDUCED", "SAVE"]
+__all__ = ["MARKS", "NO_MODEL", "REDUCED", "SAVE", "UNREAD_MESHES"]
 
 REDUCED = "name it as `reduced:` of a component"
 _UNPACK = "unpack it, and name the file in it"
 NO_MODEL = "name the matrices and the deck or mesh of the body"
 SAVE = "`scipy.io.savemat('body.mat', {{'K': K, 'M': M}})` saves matrices to a file that is read"
+
+UNREAD_MESHES = frozenset({"aster", "freefem-mesh", "gmsh-1", "ls-dyna", "mfem-mesh", "vtk-grid"})
+"""Names of marks of files that have nodes, which are not read."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,10 @@ def _matches(pattern: bytes) -> Callable[[bytes], bool]:
     return lambda head: b"\0" not in head and found.search(head) is not None
 
 
-_XML = rb"(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf)"
+# What may stand before the first tag; a comment ends at the first end of one.
+_XML_START = rb"(?:\xef\xbb\xbf)?\s*+(?:<\?xml[^>]*+>\s*+|<!--(?>(?s:.)*?-->)\s*+)*+"
+_XML = _XML_START + rb"<(?:!DOCTYPE Xdmf|VTKFile|Xdmf)"
+_VTK = rb"\A" + _XML_START + rb"<VTKFile\s(?:[^>]*\s)?type\s*=\s*[\"']"
 _MESH = rb"\A\s*(?:\$MeshFormat|MeshVersionFormatted\b|# vtk |solid |OFF\b|ply\b|" + _XML + rb")"
 # MBDyn reads by record groups, and some writers have other words before them.
 _MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:(?:\*\*[^\n]*|[^\S\n]*)\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
@@ -95,9 +101,15 @@ MARKS = (
     _Mark("dofs", "a dof list, one node.component a line", _matches(_DOFS), "use it as `rows:`"),
     _Mark(
         "vtk-list",
-        "a VTK file that lists others, or a surface or grid of VTK",
-        _matches(rb"\A\s*<(?:\?xml(?s:.)*?<)?VTKFile\s(?:[^>]*\s)?type=\"(?!UnstructuredGrid)"),
-        "name the .vtu file that it lists, or write the mesh as .vtu (cast_to_unstructured_grid of pyvista)",
+        "a VTK file that lists others",
+        _matches(_VTK + rb"(?:Collection|vtk|P(?:Unstruct|Struct|Poly|Image|Rect|Hyper|Table))"),
+        "name the .vtu file that it lists",
+    ),
+    _Mark(
+        "vtk-grid",
+        "a surface or grid of VTK",
+        _matches(_VTK + rb"(?!UnstructuredGrid)"),
+        "write the mesh as .vtu (cast_to_unstructured_grid of pyvista)",
     ),
     _Mark("mesh", "a mesh", _matches(_MESH), geometry="mesh"),
     _Mark(

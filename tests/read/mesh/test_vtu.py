@@ -92,13 +92,41 @@ def test_a_version_to_come_is_refused_by_its_number(tmp_path: Path) -> None:
         read_geometry(tmp_path / "body.vtu")
 
 
-@pytest.mark.parametrize(
-    "start", ['type="Collection" version="0.1"', 'version="2.2" header_type="UInt32"\n type="PUnstructuredGrid"']
-)
-def test_files_of_vtk_without_nodes_say_what_to_name(tmp_path: Path, start: str) -> None:
-    """Lists of pieces were said to have no known format, and to be written as .vtu."""
+HEADS = {
+    "declared": '<?xml version="1.0"?>\n<VTKFile type="{}" version="0.1">',
+    "single quotes": "<VTKFile type='{}' version='0.1'>",
+    "spaces": '<VTKFile version="2.2" header_type="UInt32"\n type = "{}">',
+    "comment": '<?xml version="1.0"?>\n<!-- made <by> hand -->\n<!-- -->\n<VTKFile type="{}">',
+    "byte order mark": '\ufeff<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="{}">',
+}
+LISTS = ("Collection", "PUnstructuredGrid", "PPolyData", "PImageData", "vtkMultiBlockDataSet", "vtkPartitionedDataSet")
+GRIDS = ("PolyData", "ImageData", "RectilinearGrid", "StructuredGrid")
+
+
+@pytest.mark.parametrize("head", HEADS)
+@pytest.mark.parametrize("kind", [*LISTS, *GRIDS])
+def test_files_of_vtk_that_are_not_read_say_what_to_name(tmp_path: Path, kind: str, head: str) -> None:
+    """Lists of pieces were said to have no known format, and surfaces to hold no nodes."""
     path = tmp_path / "body.pvd"
-    path.write_text(f'<?xml version="1.0"?>\n<VTKFile {start}>\n</VTKFile>\n')
-    assert file_kind(path).name == "vtk-list"
-    with pytest.raises(ReadError, match=r"lists others.*name the \.vtu file that it lists"):
+    path.write_text(f"{HEADS[head].format(kind)}\n</VTKFile>\n", encoding="utf-8")
+    listed = kind in LISTS
+    assert file_kind(path).name == ("vtk-list" if listed else "vtk-grid")
+    said = "lists others, which holds no nodes: name the .vtu" if listed else "whose nodes are not read: write the mesh"
+    with pytest.raises(ReadError, match=said):
         read_geometry(path)
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_the_head_of_a_mesh_of_vtk_may_be_any_xml(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "body.vtu"
+    text = written("1.0", raw=False).decode()
+    text = HEADS[head].format("UnstructuredGrid") + text[text.index("\n<UnstructuredGrid>") :]
+    path.write_text(text, encoding="utf-8")
+    assert file_kind(path).name == "mesh"
+    assert np.array_equal(read_geometry(path).nodes.xyz, XYZ)
+
+
+def test_many_comments_take_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "body.pvd"
+    path.write_text(500 * "<!---->" + "<a>\n")
+    assert file_kind(path).name == "unknown"
