@@ -32,7 +32,8 @@ _STOPPED = (9, 24)
 # Characters of a library's complaint that are shown.
 _LONGEST_REASON = 300
 # A run asks for one file several times, and a process that loads the library takes longer than a small run: the arrays
-# of the last files are held, unless they are large. Other meshes may have their arrays in files beside them.
+# of the last files are held, unless they are large. Other meshes may have their arrays in files beside them, as a
+# distributed result of ANSYS has: job1.rst beside job0.rst.
 _HELD: dict[tuple[str, Path, str], Arrays] = {}
 _FILES_HELD, _BYTES_HELD = 4, 1 << 26
 _ONE_FILE = (".mdpa", ".msh", ".vtk", ".vtu")
@@ -60,7 +61,10 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
     ReadError
         The one of ``refused`` if the library fails, or exceeds the limits.
     """
-    if kind == "mesh" and path.suffix.lower() not in _ONE_FILE:
+    several = (
+        path.suffix.lower() not in _ONE_FILE if kind == "mesh" else kind == "ansys-nodes" and path.stem[-1:] == "0"
+    )
+    if several:
         return _read(path, kind, refused)
     key = kind, path.absolute(), sha256_of(path)
     found = _HELD.pop(key, None)

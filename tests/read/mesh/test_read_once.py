@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -12,7 +14,9 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read import read_cells, read_geometry
+from cmsreduce.read import libraries, read_cells, read_geometry, read_matrix
+from cmsreduce.read.libraries import arrays_of
+from tests.read.mesh.test_universal import write as write_universal
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]])
 
@@ -42,6 +46,88 @@ def test_nodes_and_elements_need_one_process(tmp_path: Path, started: list[objec
     assert {kind: cells.tolist() for kind, cells in read_cells(path).items()} == {"tetra": [[1, 2, 3, 4]]}
     np.testing.assert_array_equal(read_geometry(path).nodes.xyz, first.nodes.xyz)
     assert len(started) == 1
+
+
+def med(path: Path) -> None:
+    written(path, POINTS)
+
+
+def universal(path: Path) -> None:
+    pytest.importorskip("pyuff", reason="needs pyuff (pip install 'cmsreduce[uff]')")
+    write_universal(path, 2411)
+
+
+def ansys(example: str) -> Callable[[Path], None]:
+    def copied(path: Path) -> None:
+        reader = pytest.importorskip("ansys.mapdl.reader", reason="needs ansys-mapdl-reader")
+        shutil.copy(Path(reader.__file__).parent / "examples" / example, path)
+
+    return copied
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "processes"),
+    [
+        ("a.med", med, 1),
+        ("a.unv", universal, 1),
+        ("a.cdb", ansys("sector.cdb"), 1),
+        ("job.rst", ansys("file.rst"), 1),
+        # Parts of a distributed result lie in job1.rst and so on, which may change.
+        ("job0.rst", ansys("file.rst"), 3),
+        ("job10.RST", ansys("file.rst"), 3),
+    ],
+)
+def test_other_files_of_libraries_need_one_process(
+    tmp_path: Path, started: list[object], name: str, make: Callable[[Path], None], processes: int
+) -> None:
+    make(tmp_path / name)
+    first = read_geometry(tmp_path / name)
+    read_cells(tmp_path / name)
+    np.testing.assert_array_equal(read_geometry(tmp_path / name).nodes.xyz, first.nodes.xyz)
+    assert len(started) == processes
+
+
+def test_matrices_of_ansys_need_one_process(tmp_path: Path, started: list[object]) -> None:
+    ansys("file.full")(tmp_path / "file.full")
+    for name in ("K", "M", "K"):
+        assert read_matrix(tmp_path / "file.full", name).A.shape == (900, 900)
+    assert len(started) == 1
+
+
+def refused(reason: str) -> ReadError:
+    return ReadError(reason)
+
+
+def test_a_fifth_file_drops_the_one_asked_for_longest_ago(tmp_path: Path, started: list[object]) -> None:
+    files = [written(tmp_path / f"{k}.vtu", (k + 1) * POINTS) for k in range(5)]
+    for path in (*files[:4], files[0], files[4]):
+        arrays_of(path, "mesh", refused)
+    assert len(started) == 5
+    for path in (files[0], files[2], files[3], files[4]):
+        arrays_of(path, "mesh", refused)
+    assert len(started) == 5
+    np.testing.assert_array_equal(arrays_of(files[1], "mesh", refused)["points"], 2 * POINTS)
+    assert len(started) == 6
+
+
+def test_large_arrays_are_not_held(tmp_path: Path, started: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path / "a.vtu", POINTS)
+    held = sum(array.nbytes for array in arrays_of(path, "mesh", refused).values())
+    libraries._HELD.clear()
+    for limit, processes in ((held - 1, 3), (held, 4)):
+        monkeypatch.setattr(libraries, "_BYTES_HELD", limit)
+        for _ in range(2):
+            arrays_of(path, "mesh", refused)
+        assert len(started) == processes
+
+
+def test_arrays_that_are_held_cannot_be_written(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.vtu", POINTS)
+    for _ in range(2):
+        arrays = arrays_of(path, "mesh", refused)
+        assert not any(array.flags.writeable for array in arrays.values())
+        # The mapping is the caller's own.
+        arrays.clear()
 
 
 def test_another_content_is_read_anew(tmp_path: Path, started: list[object]) -> None:
