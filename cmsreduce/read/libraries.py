@@ -36,7 +36,7 @@ _LONGEST_REASON = 300
 # distributed result of ANSYS has: job1.rst beside job0.rst.
 _HELD: dict[tuple[str, Path, str], Arrays] = {}
 _FILES_HELD, _BYTES_HELD = 4, 1 << 26
-_ONE_FILE = (".mdpa", ".msh", ".vtk", ".vtu")
+_ONE_FILE = (".mdpa", ".mesh", ".meshb", ".msh", ".vtk", ".vtu")
 
 
 def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arrays:

@@ -36,6 +36,18 @@ def test_links_lead_somewhere(page: str) -> None:
             assert anchor in anchors(there), link
 
 
+@pytest.mark.parametrize("page", LINKED)
+def test_tests_that_a_page_names_exist(page: str) -> None:
+    """A name without a folder follows one in the same cell of a table, whose folder it shares."""
+    for line in (ROOT / page).read_text().split("\n"):
+        folder = ROOT
+        for name in re.findall(r"`((?:[\w/]+/)?test_\w+\.py)`", line):
+            tried = (ROOT / name, ROOT / "tests" / name) if "/" in name else (folder / name,)
+            found = next((path for path in tried if path.is_file()), None)
+            assert found is not None, f"{name}: {line}"
+            folder = found.parent
+
+
 def test_the_readme_leads_to_every_page() -> None:
     pages = {"README.md"}
     found = {"README.md"}

@@ -39,7 +39,7 @@ def written(path: Path, points: np.ndarray) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", ["a.msh", "a.vtu", "a.vtk"])
+@pytest.mark.parametrize("name", ["a.msh", "a.vtu", "a.vtk", "a.mesh", "a.meshb", "a.mdpa"])
 def test_nodes_and_elements_need_one_process(tmp_path: Path, started: list[object], name: str) -> None:
     path = written(tmp_path / name, POINTS)
     first = read_geometry(path)
