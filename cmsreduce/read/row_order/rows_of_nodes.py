@@ -30,8 +30,8 @@ _ALL = 9
 _LEFT = 0.1
 # Rows that are looked at for an exchange.
 _MOST = 20_000
-# Nodes beside nodes that are counted; bodies with more have nothing shown.
-_MOST_PAIRS = 100_000_000
+# Nodes beside nodes that are counted, for each entry and at least; rows with more are not shown.
+_PAIRS, _FEWEST_PAIRS = 50, 1_000_000
 # Rows that are exchanged couple nodes farther away, as those of a chain do, if the sum of distances grows by this.
 _FARTHER = 1e-3
 # Rows named in a message.
@@ -113,10 +113,11 @@ def _of_several_surroundings(body: FEModel) -> Flags:
     Elements couple all rows of a node with the same dofs, in whatever order the rows are labelled.
     """
     weight = np.random.default_rng(1).integers(0, 2**63, body.n, dtype=np.uint64)
-    terms = np.append(weight[body.K.indices], np.uint64(0))
+    terms = weight[body.K.indices]
     if np.count_nonzero(body.K.data) < body.K.nnz:
-        terms[:-1][body.K.data == 0] = 0
-    around = np.where(np.diff(body.K.indptr) > 0, np.add.reduceat(terms, body.K.indptr[:-1]), np.uint64(0))
+        terms[body.K.data == 0] = 0
+    filled, around = np.diff(body.K.indptr) > 0, np.zeros(body.n, np.uint64)
+    around[filled] = np.add.reduceat(terms, body.K.indptr[:-1][filled])
     node, mixed = body.dofs.node, np.zeros(body.n, dtype=bool)
     for key, other in ((around, node), (node, around)):
         order = np.lexsort((other, key))
@@ -174,8 +175,9 @@ def _surroundings(coupled: sp.csr_array, at: Indices, moving: Flags) -> tuple[sp
 
 def _foreign(own: sp.csr_array, count: sp.csr_array, at: Indices, moving: Flags) -> Indices:
     """Number of nodes that each row couples and no other translation of its node does."""
-    known = count[at].multiply(own)
-    return np.asarray(np.diff(own.indptr) - (known > moving[:, None]).sum(axis=1)).ravel()
+    known = sp.csr_array(count[at].multiply(own))
+    row = np.repeat(np.arange(at.size), np.diff(known.indptr))
+    return np.diff(own.indptr) - np.bincount(row[known.data > moving[row]], minlength=at.size)
 
 
 def _exchanges(
@@ -193,11 +195,13 @@ def _exchanges(
     foreign, hidden = _foreign(own, count, node, moving), np.zeros(rows.size, dtype=bool)
     # A row without its own node, where entries cancel, couples all the others.
     full = (foreign == 0) & ((here == there) | (here == there - weight[node]))
-    # An exchange of rows that couple all the same nodes changes nothing.
-    same, many = np.unique(np.column_stack([of, there])[full], axis=0, return_inverse=True, return_counts=True)[1:]
-    hidden[full] = many[same] > 1
+    # An exchange of rows that couple all the same nodes changes nothing, whether their own are among these or not.
+    for nodes_of in (there, here):
+        key = np.column_stack([of, nodes_of])[full]
+        same, many = np.unique(key, axis=0, return_inverse=True, return_counts=True)[1:]
+        hidden[full] |= many[same] > 1
     some = np.flatnonzero(~full)
-    if (own[some] @ np.diff(around.indptr)).sum() > _MOST_PAIRS:
+    if (own[some] @ np.diff(around.indptr).astype(np.int64)).sum() > _PAIRS * coupled.nnz + _FEWEST_PAIRS:
         hidden[some] = True
         return hidden, some[:0], some[:0]
     common = sp.coo_array(own[some] @ around)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import tracemalloc
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from cmsreduce.model import FEModel
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.store import Silent
 from cmsreduce.read import prove_row_order
+from cmsreduce.read.row_order.rows_of_nodes import prove_rows_of_nodes
 from tests.frames import frame, line
 from tests.hard.corruptions.study import Study
 from tests.plates import isotropic_laminate, plate_body
@@ -37,10 +39,16 @@ def tower() -> FEModel:
     return frame("t", xyz, [(i + 1, j + 1) for i in range(16) for j in range(i + 1, 16) if apart[i, j] == 1])
 
 
-def plate() -> FEModel:
-    xyz = [(i / 6, j / 5, 0.0) for i in range(7) for j in range(6)]
-    cells = [[k + 1, k + 7, k + 8, k + 2] for i in range(6) for k in range(6 * i, 6 * i + 5)]
+def plate(count: int = 6, across: int = 5) -> FEModel:
+    xyz = [(i / count, j / across, 0.0) for i in range(count + 1) for j in range(across + 1)]
+    row = across + 1
+    cells = [[k + 1, k + 1 + row, k + 2 + row, k + 2] for i in range(count) for k in range(row * i, row * i + across)]
     return plate_body("p", xyz, cells, lambda _: isotropic_laminate(70e9, 0.3, 2e-3))
+
+
+def star(count: int = 4) -> FEModel:
+    """Bars from one node to others, all along one line."""
+    return frame("s", [(i, 0, 0) for i in range(count + 1)], [(1, i + 2) for i in range(count)])
 
 
 def solid() -> FEModel:
@@ -121,6 +129,7 @@ def condensed() -> FEModel:
         *((condensed(), turn) for turn in (4, 5, 6)),
         *((tower(), component) for component in range(1, 7)),
         (block("s", (1.0, 0.8, 0.7), (2, 2, 3)), 3),
+        *((star(), component) for component in range(1, 7)),
     ],
 )
 def test_no_exchange_is_called_proven(body: FEModel, component: int) -> None:
@@ -130,6 +139,17 @@ def test_no_exchange_is_called_proven(body: FEModel, component: int) -> None:
             wrong = exchanged(body, (f"{a}.{component}", f"{b}.{component}"))
             with contextlib.suppress(DofMapError):
                 assert prove_row_order(wrong).hidden.only
+
+
+@pytest.mark.parametrize("body", [plate(40, 40), star(3000)], ids=["plate", "star"])
+def test_memory_grows_with_the_entries_alone(body: FEModel) -> None:
+    assert body.nodes is not None
+    tracemalloc.start()
+    prove_rows_of_nodes(body, body.nodes)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # A row for each dof and a column for each node: 15 MB and 54 MB in bytes.
+    assert peak < 5e6 + 4 * (body.K.data.nbytes + body.K.indices.nbytes)
 
 
 def test_the_verdict_counts_the_rows_that_are_proven(tmp_path: Path) -> None:
