@@ -141,6 +141,16 @@ def test_no_exchange_is_called_proven(body: FEModel, component: int) -> None:
                 assert prove_row_order(wrong).hidden.only
 
 
+@pytest.mark.parametrize(("first", "last"), [(3, 6), (2, 6), (4, 8), (1, 7), (5, 11)])
+@pytest.mark.parametrize("component", [1, 4])
+def test_a_part_of_a_chain_from_end_to_end_is_not_proven(component: int, first: int, last: int) -> None:
+    turned = [(f"{a}.{component}", f"{first + last - a}.{component}") for a in range(first, (first + last + 1) // 2)]
+    wrong = exchanged(line("l", (0, 0, 0), (1, 0, 0), 10), *turned)
+    with contextlib.suppress(DofMapError):
+        proof = prove_row_order(wrong).hidden
+        assert proof.only == "55 of 66 rows" and f"1.{component}" in proof.remark
+
+
 @pytest.mark.parametrize("body", [plate(40, 40), star(3000)], ids=["plate", "star"])
 def test_memory_grows_with_the_entries_alone(body: FEModel) -> None:
     assert body.nodes is not None
