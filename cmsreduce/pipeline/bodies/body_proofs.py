@@ -156,13 +156,14 @@ def _rows(found: RowOrderProof, local: NodesAgainstDeck | None) -> tuple[list[Fi
         return [], Proof("row order", "trusted", remark=f"`rows: trusted`; {found.remark}")
     if found.status != "proven":
         return [], Proof("row order", "unproven", remark=found.remark)
-    digits = -math.log10(max(found.residual, found.tolerance, 2.0**-53))
+    digits, hidden = -math.log10(max(found.residual, found.tolerance, 2.0**-53)), found.hidden
     remark = found.remark or f"K times {found.motions} rigid motions vanishes"
-    check, only = Finding(RIGID_MOTIONS, found.residual, found.tolerance), found.hidden.only
-    if only and local is not None and local.check.passed and local.compared == local.nodes:
-        only = ""
-    remark += f"; {found.hidden.remark}" if only else ""
-    return [check], Proof("row order", "proven", digits, remark, only=only)
+    checks = [Finding(RIGID_MOTIONS, found.residual, found.tolerance)]
+    some = local is None or not local.check.passed or local.compared < local.nodes
+    if not hidden.only or not (some or hidden.turning):
+        return checks, Proof("row order", "proven", digits, remark)
+    left = Proof("row order", "proven", digits, f"{remark}; {hidden.remark}", only=hidden.only)
+    return checks, Proof("row order", "unproven", remark=hidden.remark) if hidden.every else left
 
 
 def _digits(body: FEModel) -> float:

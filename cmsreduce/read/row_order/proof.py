@@ -138,7 +138,9 @@ def _trusted_or_proven(body: FEModel) -> RowOrderProof:
         # The mass of a body without constraints is compared in all directions, whatever its order.
         motions = _ALL_MOTIONS if body.constrained is None and not body.grounded else 0
         return RowOrderProof("trusted", motions, remark=str(error).partition(". Likely cause")[0])
-    return proof if proof.status == "proven" else replace(proof, status="trusted")
+    if proof.status == "proven" and not proof.hidden.every:
+        return proof
+    return replace(proof, status="trusted", remark=proof.remark or proof.hidden.remark)
 
 
 def _proven_rows(body: FEModel) -> RowOrderProof:

@@ -47,10 +47,16 @@ class HiddenRows(NamedTuple):
         Rows whose order is proven, in words; empty if there are no others.
     remark : str
         The others.
+    every : bool
+        True if no row is proven.
+    turning : bool
+        True if rotations are among the others; forces under uniform strain do not show these.
     """
 
     only: str = ""
     remark: str = ""
+    every: bool = False
+    turning: bool = False
 
 
 NONE_HIDDEN = HiddenRows()
@@ -104,6 +110,8 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> 
         f"{hidden.size} rows ({', '.join(labels[k] for k in hidden[:_NAMED])}"
         f"{' ...' if hidden.size > _NAMED else ''}) move under rigid motion as rows of other nodes do, and what they "
         "couple does not tell their nodes apart: an exchange of such rows would not show",
+        hidden.size == body.n,
+        not moving[hidden].all(),
     )
 
 

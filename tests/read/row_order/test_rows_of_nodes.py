@@ -14,8 +14,10 @@ import scipy.sparse as sp
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import FEModel
+from cmsreduce.model import FEModel, Finding, Nodes
 from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.bodies.body_proofs import _rows
+from cmsreduce.pipeline.evidence import NodesAgainstDeck
 from cmsreduce.pipeline.store import Silent
 from cmsreduce.read import prove_row_order
 from cmsreduce.read.row_order.rows_of_nodes import prove_rows_of_nodes
@@ -173,3 +175,31 @@ def test_the_verdict_counts_the_rows_that_are_proven(tmp_path: Path) -> None:
     assert result is not None
     rows = next(each for each in result.verdict.proofs if (each.subject, each.what) == ("arm", "row order"))
     assert rows.only.endswith("of 30 rows") and "2.4" in rows.remark
+
+
+def test_rotations_stay_left_out_beside_a_deck_and_no_shown_row_is_no_proof() -> None:
+    body = exchanged(line("arm", (0, 0, 0), (0.8, 0, 0), 2), ("1.4", "3.4"))
+    rows, none = prove_row_order(body), np.zeros(0, dtype=bool)
+    assert rows.hidden.turning and not rows.hidden.every
+    agrees = NodesAgainstDeck(Finding("stiffness of each node against the deck", 0.0, 1e-6), 3, 3, none)
+    solids = replace(rows, hidden=rows.hidden._replace(turning=False))
+    proofs = [_rows(found, agrees)[1] for found in (rows, solids)]
+    assert [(each.state, each.only) for each in proofs] == [("proven", rows.hidden.only), ("proven", "")]
+    assert rows.hidden.only == "14 of 18 rows"
+
+
+def test_a_body_of_which_no_row_is_shown_is_unproven_and_can_be_trusted() -> None:
+    """Corners of a block, each of which couples all others: any order along an edge."""
+    whole = block("s", (1.0, 0.8, 0.7), (2, 2, 2))
+    assert whole.nodes is not None
+    xyz = whole.nodes.xyz - whole.nodes.xyz.mean(axis=0)
+    corner = (abs(xyz) > 0.99 * abs(xyz).max(axis=0)).all(axis=1)
+    kept = np.isin(whole.dofs.node, whole.nodes.id[corner])
+    K = whole.K.toarray()
+    small = K[np.ix_(kept, kept)] - K[np.ix_(kept, ~kept)] @ np.linalg.solve(K[np.ix_(~kept, ~kept)], K[~kept][:, kept])
+    nodes = Nodes(whole.nodes.id[corner], whole.nodes.xyz[corner], whole.nodes.frame[corner])
+    body = FEModel("c", sp.csc_array((small + small.T) / 2), sp.csc_array(np.eye(24)), whole.dofs[kept], nodes=nodes)
+    found = _rows(prove_row_order(body), None)[1]
+    assert found.state == "unproven" and found.remark.startswith("24 rows (")
+    trusted = prove_row_order(replace(body, rows_trusted=True))
+    assert trusted.status == "trusted" and trusted.remark == found.remark
