@@ -210,30 +210,31 @@ def _joined(
         return joined
     if follows.sum() > _MOST_NODES:
         return None
-    reach = _ONE_PLACE * float(np.ptp(xyz, axis=0).max())
+    reach, own = _ONE_PLACE * float(np.ptp(xyz, axis=0).max()), np.sqrt(abs(body.K.diagonal()))
     at, largest = body.nodes.index(ids), abs(nodal).max()
     for place in {tuple(sorted(near)) for near in cKDTree(xyz[follows]).query_ball_tree(cKDTree(xyz), reach)}:
-        around = {k: _coupled_nodes(body, int(body.nodes.id[k])) - set(body.nodes.id[list(place)]) for k in place}
+        here = set(body.nodes.id[list(place)])
+        around = {k: _coupled_nodes(body, int(body.nodes.id[k]), own) - here for k in place}
         following = [k for k in place if follows[k]]
         leading = [k for k in place if not follows[k] and all(around[k] & around[other] for other in following)]
         if len(leading) != 1 or not (np.isin(at, leading) & seen).any():
             return None
-        here = np.isin(at, [*following, *leading])
+        one = np.isin(at, [*following, *leading])
         mass = nodal[[*following, *leading]].sum()
-        off = abs(P[here].sum(axis=0) - mass * np.eye(3)).max()
-        for k in np.flatnonzero(here & follows[at]):
+        off = abs(P[one].sum(axis=0) - mass * np.eye(3)).max()
+        for k in np.flatnonzero(one & follows[at]):
             axes = body.nodes.frame[at[k]][body.dofs.rows(ids[k], np.arange(1, 4)) >= 0]
             off = max(off, abs(P[k] - nodal[at[k]] * axes.T @ axes).max())
         if off > _SAME * max(abs(mass), _SAME * largest):
             return None
-        joined |= here
+        joined |= one
     return joined
 
 
-def _coupled_nodes(body: FEModel, node: int) -> set[int]:
-    """Nodes that K couples with one, by more than rounding."""
+def _coupled_nodes(body: FEModel, node: int, own: Array) -> set[int]:
+    """Nodes that K couples with one, by more than rounding; ``own`` are the roots of its diagonal (n,)."""
     rows = np.flatnonzero(body.dofs.node == node)
-    part, own = sp.coo_array(body.K[:, rows]), np.sqrt(abs(body.K.diagonal()))
+    part = sp.coo_array(body.K[:, rows])
     least = max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * own[part.row] * own[rows][part.col]
     return set(body.dofs.node[part.row[abs(part.data) > least]])
 
