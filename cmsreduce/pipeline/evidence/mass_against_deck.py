@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.model import FEModel, Finding, each_once
@@ -210,6 +209,9 @@ def _joined(
         return joined
     if follows.sum() > _MOST_NODES:
         return None
+    # Imported here: it loads libraries that only bodies with hinges need.
+    from scipy.spatial import cKDTree
+
     reach, own = _ONE_PLACE * float(np.ptp(xyz, axis=0).max()), np.sqrt(abs(body.K.diagonal()))
     at, largest = body.nodes.index(ids), abs(nodal).max()
     for place in {tuple(sorted(near)) for near in cKDTree(xyz[follows]).query_ball_tree(cKDTree(xyz), reach)}:
