@@ -209,12 +209,9 @@ def _joined(
         return joined
     if follows.sum() > _MOST_NODES:
         return None
-    # Imported here: it loads libraries that only bodies with hinges need.
-    from scipy.spatial import cKDTree
-
     reach, own = _ONE_PLACE * float(np.ptp(xyz, axis=0).max()), np.sqrt(abs(body.K.diagonal()))
     at, largest = body.nodes.index(ids), abs(nodal).max()
-    for place in {tuple(sorted(near)) for near in cKDTree(xyz[follows]).query_ball_tree(cKDTree(xyz), reach)}:
+    for place in {tuple(np.flatnonzero((abs(xyz - x) <= reach).all(axis=1)).tolist()) for x in xyz[follows]}:
         here = set(body.nodes.id[list(place)])
         around = {k: _coupled_nodes(body, int(body.nodes.id[k]), own) - here for k in place}
         following = [k for k in place if follows[k]]
