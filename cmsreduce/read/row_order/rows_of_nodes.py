@@ -36,6 +36,8 @@ _PAIRS, _FEWEST_PAIRS = 50, 1_000_000
 _FARTHER = 1e-3
 # Rows named in a message.
 _NAMED = 5
+# Makes one number of a kind and a sum of random numbers: odd, of 64 random bits.
+_MIXING = np.uint64(0x9E3779B97F4A7C15)
 
 
 class HiddenRows(NamedTuple):
@@ -92,7 +94,10 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> 
     places = nodes.xyz[nodes.index(body.dofs.node)]
     alike, first, second = _exchanges(coupled, at, moving, places, kind, rows)
     true = _put_back(coupled, at, moving, rows[first], rows[second])
-    moved, labels = np.flatnonzero(true != np.arange(body.n)), body.dofs.labels
+    moved, hidden = np.flatnonzero(true != np.arange(body.n)), rows[alike]
+    if not moved.size and not hidden.size:
+        return NONE_HIDDEN
+    labels = body.dofs.labels
     if moved.size:
         named = "; ".join(f"the row labelled {labels[k]} is that of {labels[true[k]]}" for k in moved[:_NAMED])
         raise DofMapError(
@@ -102,9 +107,6 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> 
             "rigid motion costs no force in both orders. Give the order of the rows as a list of node.component under "
             "`rows:`. Scalar springs or ties between these nodes may look the same"
         )
-    hidden = rows[alike]
-    if not hidden.size:
-        return NONE_HIDDEN
     return HiddenRows(
         f"{body.n - hidden.size} of {body.n} rows",
         f"{hidden.size} rows ({', '.join(labels[k] for k in hidden[:_NAMED])}"
@@ -158,16 +160,27 @@ def _coupled(body: FEModel) -> sp.csr_array:
     Labels of rotations are in doubt where those of translations may be right: only rows without translations have
     entries with rotations.
     """
-    K, own = body.K, np.sqrt(abs(body.K.diagonal()))
-    column = np.repeat(np.arange(body.n), np.diff(K.indptr))
-    share = max(COUPLED, DIGITS * body.rounding)
-    size = own[K.indices] * own[column]
-    kept = (abs(K.data) > share * size) & (K.indices != column)
-    first, second = (body.dofs.component[of] for of in (K.indices, column))
-    kept &= (first > 0) & (second > 0)
-    pushed = np.bincount(column[kept & (first <= 3)], minlength=body.n) > 0
-    kept &= (first <= 3) | ~pushed[column]
-    return sp.csr_array((abs(K.data[kept]) / size[kept], (column[kept], K.indices[kept])), shape=K.shape)
+    K, own, component = body.K, np.sqrt(abs(body.K.diagonal())), body.dofs.component
+    counts, values = np.diff(K.indptr), abs(K.data)
+    size = own[K.indices]
+    size *= np.repeat(own, counts)
+    kept = values > max(COUPLED, DIGITS * body.rounding) * size
+    kept &= K.indices != np.repeat(np.arange(body.n, dtype=K.indices.dtype), counts)
+    if (component == 0).any():
+        kept &= (component > 0)[K.indices] & np.repeat(component > 0, counts)
+    if (component > 3).any():
+        translation = (component <= 3)[K.indices]
+        kept &= translation | np.repeat(_sums(kept & translation, K.indptr) == 0, counts)
+    starts = np.concatenate([[0], np.cumsum(_sums(kept, K.indptr))])
+    return sp.csr_array((values[kept] / size[kept], K.indices[kept], starts), shape=K.shape)
+
+
+def _sums(flags: Flags, starts: NDArray[np.integer]) -> Indices:
+    """Number of flags that are set in each part of an array."""
+    filled = np.diff(starts) > 0
+    found = np.zeros(filled.size, dtype=np.int64)
+    found[filled] = np.add.reduceat(flags, starts[:-1][filled], dtype=np.int64)
+    return found
 
 
 def _surroundings(coupled: sp.csr_array, at: Indices, moving: Flags) -> tuple[sp.csr_array, sp.csr_array]:
@@ -207,8 +220,8 @@ def _exchanges(
     full = (foreign == 0) & ((here == there) | (here == there - weight[node]))
     # An exchange of rows that couple all the same nodes changes nothing, whether their own are among these or not.
     for nodes_of in (there, here):
-        key = np.column_stack([of, nodes_of])[full]
-        same, many = np.unique(key, axis=0, return_inverse=True, return_counts=True)[1:]
+        key = (of.astype(np.uint64) * _MIXING + nodes_of.astype(np.uint64))[full]
+        same, many = np.unique(key, return_inverse=True, return_counts=True)[1:]
         hidden[full] |= many[same] > 1
     some = np.flatnonzero(~full)
     if (own[some] @ np.diff(around.indptr).astype(np.int64)).sum() > _PAIRS * coupled.nnz + _FEWEST_PAIRS:
