@@ -29,9 +29,6 @@ SCALAR = 0
 KEY_STEP = 8
 """A dof as one integer is node * 8 + component, so that sorting keys sorts dofs as NASTRAN does."""
 
-# Numbers that take up to so many times as many places are found in a table: six dofs of eight, and gaps.
-_DENSE = 8
-
 # Frames are printed with eight digits at worst; a matrix that is further from a rotation is none.
 _CROOKED = 1e-6
 
@@ -77,28 +74,6 @@ def each_once(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
     """
     found = np.sort(numbers, kind="stable")
     return np.asarray(found[np.concatenate([[True], found[1:] != found[:-1]])[: found.size]])
-
-
-class _Places:
-    """Positions of numbers among some (n,), each of which is there once; -1 where there is none."""
-
-    def __init__(self, numbers: NDArray[np.int64]) -> None:
-        self._first, last = (int(numbers.min()), int(numbers.max())) if numbers.size else (0, -1)
-        self._table, self._ordered, self._order = (np.empty(0, dtype=np.int64) for _ in range(3))
-        if last - self._first < _DENSE * numbers.size + 1:
-            # A table takes a fifth of the time of a search. Its last entry, of no number, stands for all beyond it.
-            self._table = np.full(last - self._first + 2, -1, dtype=np.int64)
-            self._table[numbers - self._first] = np.arange(numbers.size)
-        else:
-            self._order = np.argsort(numbers, kind="stable")
-            self._ordered = numbers[self._order]
-
-    def __call__(self, wanted: NDArray[np.int64]) -> NDArray[np.int64]:
-        if self._table.size:
-            inside = (wanted >= self._first) & (wanted < self._first + self._table.size)
-            return np.asarray(self._table[np.where(inside, wanted - self._first, -1)])
-        at = np.minimum(np.searchsorted(self._ordered, wanted), self._ordered.size - 1)
-        return np.where(self._ordered[at] == wanted, self._order[at], -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +142,10 @@ class DofTable:
         return each_once(self.node)
 
     @cached_property
-    def _places(self) -> _Places:
-        return _Places(self.keys)
+    def _sorted(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        key = self.keys
+        order = np.argsort(key, kind="stable")
+        return key[order], order
 
     def rows(self, node: ArrayLike, component: ArrayLike) -> NDArray[np.int64]:
         """Rows of some dofs, -1 where the table has no such dof.
@@ -182,8 +159,13 @@ class DofTable:
         -------
         (k,) int64
         """
+        key, order = self._sorted
         node, component = np.asarray(node, dtype=np.int64), np.asarray(component, dtype=np.int64)
-        return self._places(np.atleast_1d(node * KEY_STEP + component).ravel())
+        wanted = np.atleast_1d(node * KEY_STEP + component).ravel()
+        if not key.size:
+            return np.full(wanted.shape, -1, dtype=np.int64)
+        at = np.minimum(np.searchsorted(key, wanted), key.size - 1)
+        return np.where(key[at] == wanted, order[at], -1)
 
     def rows_of(self, node: int, components: Sequence[int]) -> NDArray[np.int64]:
         """Rows of some components of one node, which the table must have.
@@ -273,12 +255,18 @@ class Nodes:
         return self.xyz_rounding / size if size > 0 else 0.0
 
     @cached_property
-    def _places(self) -> _Places:
-        return _Places(self.id)
+    def _sorted(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        order = np.argsort(self.id, kind="stable")
+        return self.id[order], order
 
     def index(self, node: ArrayLike) -> NDArray[np.int64]:
         """Positions of node ids in the arrays, -1 where there is no such node."""
-        return self._places(np.atleast_1d(np.asarray(node, dtype=np.int64)))
+        ids, order = self._sorted
+        wanted = np.atleast_1d(np.asarray(node, dtype=np.int64))
+        if not ids.size:
+            return np.full(wanted.shape, -1, dtype=np.int64)
+        at = np.minimum(np.searchsorted(ids, wanted), ids.size - 1)
+        return np.where(ids[at] == wanted, order[at], -1)
 
 
 def cross_matrix(r: ArrayLike) -> NDArray[np.float64]:

@@ -62,8 +62,8 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes, free: bool = False) -
     Rows of nodes that bars and springs alone hold are compared entry by entry, relative to the stiffness of both nodes
     in each direction, so that twist and bending show beside stretch. Nodes of solids are compared by their forces
     under uniform strains, which show at every surface and at every face between two materials, and beside a support
-    under those that leave it at rest; nodes of flat plates by
-    their forces and moments under uniform strains and curvatures.
+    under those that leave it at rest; nodes of flat plates by their forces and moments under uniform strains and
+    curvatures.
 
     Parameters
     ----------
