@@ -19,7 +19,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable, Nodes
 from cmsreduce.read.calculix_abaqus.decks import blocks, deck_sets, element_nodes
 from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
-from cmsreduce.read.isoparametric import SOLIDS, integrals, slope_integrals
+from cmsreduce.read.stated import SOLIDS, integrals, slope_integrals
 
 __all__ = ["hourglass_forces"]
 

@@ -13,22 +13,29 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, element_sections, longest_start
 from cmsreduce.read.calculix_abaqus.expansion import expansion_beside, solid_of_shell
-from cmsreduce.read.isoparametric import RULES, SOLIDS, Rule, Solid, are_affine, integrals, slope_integrals
 from cmsreduce.read.stated import (
+    RULES,
     SAME_PLACE,
+    SOLIDS,
     EnergyPart,
     MassPart,
     NotCountedError,
+    Rule,
+    Solid,
+    Solids,
     StatedEnergy,
     StatedMass,
     StatedNodes,
+    are_affine,
     are_curved,
+    integrals,
     point_mass,
+    slope_integrals,
     solid_energy,
+    sum_at_nodes,
     sum_of_energies,
     sum_of_masses,
 )
-from cmsreduce.read.stated_nodes import Solids, sum_at_nodes
 
 __all__ = ["input_file_statement"]
 

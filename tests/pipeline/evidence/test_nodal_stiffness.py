@@ -13,8 +13,14 @@ from cmsreduce.config import build_scene, load_pipeline
 from cmsreduce.model import DofTable, FEModel, Finding, Nodes, Proof, cross_matrix
 from cmsreduce.pipeline.bodies import read_flexible
 from cmsreduce.pipeline.evidence.mass_against_deck import away_from_supports
-from cmsreduce.read.isoparametric import SOLIDS, affine_slope_integrals, slope_integrals
-from cmsreduce.read.stated_nodes import Solids, sum_at_nodes, uniform_forces
+from cmsreduce.read.stated import (
+    SOLIDS,
+    Solids,
+    affine_slope_integrals,
+    slope_integrals,
+    sum_at_nodes,
+    uniform_forces,
+)
 from tests.frames import BAR, Section, beam_matrices, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
 from tests.solids import E, block

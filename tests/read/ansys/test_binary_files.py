@@ -74,7 +74,7 @@ def test_a_busy_machine_is_not_taken_for_a_damaged_file(tmp_path: Path, monkeypa
     def late(*args: object, **options: object) -> None:
         raise subprocess.TimeoutExpired("python", 30.0)
 
-    monkeypatch.setattr("cmsreduce.read.libraries.subprocess.run", late)
+    monkeypatch.setattr("cmsreduce.read.libraries.arrays.subprocess.run", late)
     path = tmp_path / "body.cdb"
     path.write_text("NBLOCK,6,SOLID\n")
     with pytest.raises(ReadError, match=r"stopped after 30 s, .* less than 5 s of a processor: run again") as found:

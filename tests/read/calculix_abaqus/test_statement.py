@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.read import StatedEnergy, StatedMass, deck_statement, read_geometry
-from cmsreduce.read.isoparametric import SOLIDS, integrals
+from cmsreduce.read.stated import SOLIDS, integrals
 from tests.golden.calculix_bodies import STEEL, Deck
 
 SIDES = np.array([1.0, 0.1, 0.15])

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read import MatrixSource, file_kind, library_process, prove_row_order, read_body, read_geometry
+from cmsreduce.read import MatrixSource, file_kind, prove_row_order, read_body, read_geometry
 from cmsreduce.read.geometry import read_cells
+from cmsreduce.read.libraries import program
 
 PLACES = {20: (0.0, 0.0, 0.0), 40: (1.0, 0.0, 0.0), 30: (0.0, 2.0, 0.0), 70: (0.0, 0.0, 3.0)}
 NODES = "".join(f"{id} {x} {y} {z}\n" for id, (x, y, z) in PLACES.items())
@@ -136,12 +137,12 @@ def test_a_meshio_without_numbers_is_named(tmp_path: Path, monkeypatch: pytest.M
     def renamed() -> list[object]:
         raise AttributeError("module 'meshio.mdpa._mdpa' has no attribute '_read_nodes'")
 
-    monkeypatch.setattr(library_process, "keep_numbers", renamed)
+    monkeypatch.setattr(program, "keep_numbers", renamed)
     if name == "a.vtu":
-        assert np.array_equal(library_process.mesh(str(tmp_path / name))["points"], points)
+        assert np.array_equal(program.mesh(str(tmp_path / name))["points"], points)
     else:
         with pytest.raises(ValueError, match=r"does not give the numbers of nodes \(.*_read_nodes.*pip install meshio"):
-            library_process.mesh(str(tmp_path / name))
+            program.mesh(str(tmp_path / name))
 
 
 def test_a_plane_body_has_two_rows_for_each_node(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read import libraries, read_cells, read_geometry, read_matrix
-from cmsreduce.read.libraries import arrays_of
+from cmsreduce.read import read_cells, read_geometry, read_matrix
+from cmsreduce.read.libraries import arrays, arrays_of
 from tests.read.mesh.test_universal import write as write_universal
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]])
@@ -30,7 +30,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[object]:
         calls.append(command)
         return run(command, **named)
 
-    monkeypatch.setattr("cmsreduce.read.libraries.subprocess.run", count)
+    monkeypatch.setattr("cmsreduce.read.libraries.arrays.subprocess.run", count)
     return calls
 
 
@@ -113,9 +113,9 @@ def test_a_fifth_file_drops_the_one_asked_for_longest_ago(tmp_path: Path, starte
 def test_large_arrays_are_not_held(tmp_path: Path, started: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
     path = written(tmp_path / "a.vtu", POINTS)
     held = sum(array.nbytes for array in arrays_of(path, "mesh", refused).values())
-    libraries._HELD.clear()
+    arrays._HELD.clear()
     for limit, processes in ((held - 1, 3), (held, 4)):
-        monkeypatch.setattr(libraries, "_BYTES_HELD", limit)
+        monkeypatch.setattr(arrays, "_BYTES_HELD", limit)
         for _ in range(2):
             arrays_of(path, "mesh", refused)
         assert len(started) == processes

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError, ReadError
 from cmsreduce.mechanics import member_stiffness
 from cmsreduce.model import Members, Nodes, cross_matrix
-from cmsreduce.read.isoparametric import SOLIDS, affine_slope_integrals, are_affine
 from cmsreduce.read.nastran.bars import orientation_of, released_at
 from cmsreduce.read.nastran.cards import Card, CardTable
 from cmsreduce.read.nastran.stated.bushes import stated_bushes
@@ -19,9 +18,17 @@ from cmsreduce.read.nastran.stated.elements import UNKNOWN, Bar, Elements
 from cmsreduce.read.nastran.stated.faces import Faces, are_isotropic
 from cmsreduce.read.nastran.stated.materials import isotropic, lame_of
 from cmsreduce.read.nastran.stated.plates import stated_plates
-from cmsreduce.read.stated import SAME_PLACE, NotCountedError, StatedNodes
-from cmsreduce.read.stated_links import sole_links
-from cmsreduce.read.stated_nodes import Solids, sum_at_nodes
+from cmsreduce.read.stated import (
+    SAME_PLACE,
+    SOLIDS,
+    NotCountedError,
+    Solids,
+    StatedNodes,
+    affine_slope_integrals,
+    are_affine,
+    sole_links,
+    sum_at_nodes,
+)
 
 __all__ = ["nodes_of"]
 

@@ -9,8 +9,7 @@ from cmsreduce.read.nastran.cards import INTEGER, NO_CARDS, Card, CardTable
 from cmsreduce.read.nastran.stated.elements import Elements
 from cmsreduce.read.nastran.stated.faces import PLATES, own_thickness, properties_of
 from cmsreduce.read.nastran.stated.materials import isotropic
-from cmsreduce.read.stated import NotCountedError, StatedPlates
-from cmsreduce.read.stated_nodes import flat_plates
+from cmsreduce.read.stated import NotCountedError, StatedPlates, flat_plates
 
 __all__ = ["stated_plates"]
 

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.read.stated import SAME_PLACE, STRAINS, StatedNodes, StatedPlates
+from cmsreduce.read.stated.statement import SAME_PLACE, STRAINS, StatedNodes, StatedPlates
 
 __all__ = ["Solids", "flat_plates", "sum_at_nodes", "uniform_forces"]
 

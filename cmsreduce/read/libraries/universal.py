@@ -1,4 +1,4 @@
-"""Arrays of universal files, which pyuff reads. A part of ``library_process.py``: it imports nothing of cmsreduce."""
+"""Arrays of universal files, which pyuff reads. A part of ``program.py``: it imports nothing of cmsreduce."""
 
 from typing import Any
 

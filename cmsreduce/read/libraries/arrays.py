@@ -1,4 +1,4 @@
-"""Libraries that read a file in a process of their own, within limits of memory and time."""
+"""Arrays that a library reads from a file; those of the last files are held."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Arrays", "arrays_of", "cells_of"]
 Arrays = dict[str, NDArray[np.generic]]
 """Arrays that a library read from a file, by name."""
 
-_PROGRAM = Path(__file__).with_name("library_process.py")
+_PROGRAM = Path(__file__).with_name("program.py")
 # Of the process: the start, and for each byte of the file. Slow formats are read at a million bytes a second, and a
 # number of two printed characters becomes a Python object of 32 bytes in a list. Seconds are those of a processor:
 # other work on the machine does not count.
@@ -47,7 +47,7 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
     path : Path
         The file.
     kind : str
-        Reader of ``library_process.py``: ``mesh``, ``med``, ``universal``, ``ansys-nodes`` or ``ansys-full``.
+        Reader of ``program.py``: ``mesh``, ``med``, ``universal``, ``ansys-nodes`` or ``ansys-full``.
     refused : callable
         Error for the reason that the library gives.
 

@@ -1,4 +1,4 @@
-"""Program ``library_process.py KIND FILE ARRAYS BYTES SECONDS``: a library reads a file, and its arrays are saved.
+"""Program ``program.py KIND FILE ARRAYS BYTES SECONDS``: a library reads a file, and its arrays are saved.
 
 It runs in a process of its own, because libraries believe the sizes in a file, print, exit, and loop without end on
 some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
@@ -299,7 +299,7 @@ def med(path: str) -> Arrays:
 
 def universal(path: str) -> Arrays:
     """Nodes, frames, cells and modes of a universal file; no folder is searched for this module (see `libraries`)."""
-    found: Arrays = runpy.run_path(str(Path(__file__).with_name("universal_arrays.py")))["universal"](path)
+    found: Arrays = runpy.run_path(str(Path(__file__).with_name("universal.py")))["universal"](path)
     return found
 
 

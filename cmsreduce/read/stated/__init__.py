@@ -1,0 +1,74 @@
+"""What the elements of a deck state: mass, strain energy, and stiffness at single nodes.
+
+Sums over elements, and integrals over solids, belong here.
+The elements themselves belong in the rooms of the formats, such as `read.nastran.stated`.
+"""
+
+from cmsreduce.read.stated.isoparametric import (
+    RULES,
+    SOLIDS,
+    Integrals,
+    Rule,
+    Solid,
+    affine_slope_integrals,
+    are_affine,
+    integrals,
+    slope_integrals,
+)
+from cmsreduce.read.stated.links import sole_links
+from cmsreduce.read.stated.nodes import Solids, flat_plates, sum_at_nodes, uniform_forces
+from cmsreduce.read.stated.statement import (
+    SAME_PLACE,
+    STRAINS,
+    EnergyPart,
+    MassPart,
+    NotCountedError,
+    StatedEnergy,
+    StatedMass,
+    StatedNodes,
+    StatedPlates,
+    Statement,
+    are_curved,
+    as_inertia,
+    nothing_stated,
+    outer,
+    point_mass,
+    solid_energy,
+    sum_of_energies,
+    sum_of_masses,
+)
+
+__all__ = [
+    "EnergyPart",
+    "Integrals",
+    "MassPart",
+    "NotCountedError",
+    "RULES",
+    "Rule",
+    "SAME_PLACE",
+    "SOLIDS",
+    "STRAINS",
+    "Solid",
+    "Solids",
+    "StatedEnergy",
+    "StatedMass",
+    "StatedNodes",
+    "StatedPlates",
+    "Statement",
+    "affine_slope_integrals",
+    "are_affine",
+    "are_curved",
+    "as_inertia",
+    "flat_plates",
+    "integrals",
+    "nothing_stated",
+    "outer",
+    "point_mass",
+    "slope_integrals",
+    "sole_links",
+    "solid_energy",
+    "sum_at_nodes",
+    "sum_of_energies",
+    "sum_of_masses",
+    "uniform_forces",
+]
