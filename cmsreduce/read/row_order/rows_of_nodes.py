@@ -82,14 +82,14 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> 
     DofMapError
         If an exchange of rows explains couplings that other rows of their nodes do not have; the message names them.
     """
-    unsettled = _of_several_surroundings(body)
+    at = np.unique(body.dofs.node, return_inverse=True)[1]
+    unsettled = _of_several_surroundings(body, at)
     if not unsettled.any():
         return NONE_HIDDEN
     kind, several = _kinds(body, nodes, min(max(_ROUND_OFF * tolerance, _NEAREST), _FARTHEST))
     rows = np.flatnonzero(unsettled & several)
     if not rows.size:
         return NONE_HIDDEN
-    at = np.unique(body.dofs.node, return_inverse=True)[1]
     coupled, moving = _coupled(body), body.dofs.component <= 3
     places = nodes.xyz[nodes.index(body.dofs.node)]
     alike, first, second = _exchanges(coupled, at, moving, places, kind, rows)
@@ -117,23 +117,35 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> 
     )
 
 
-def _of_several_surroundings(body: FEModel) -> Flags:
-    """Rows (n,) of nodes whose rows couple different dofs, or the dofs that a row of another node couples.
+def _of_several_surroundings(body: FEModel, at: Indices) -> Flags:
+    """Rows (n,) of nodes whose rows couple different nodes, or those of another node's rows, or one component alone.
 
-    Elements couple all rows of a node with the same dofs, in whatever order the rows are labelled.
+    Elements couple all rows of a node with the same nodes, in whatever order the rows are labelled. Rows of a node that
+    are not side by side count several times, which leaves more to be looked at.
     """
-    weight = np.random.default_rng(1).integers(0, 2**63, body.n, dtype=np.uint64)
-    terms = weight[body.K.indices]
-    if np.count_nonzero(body.K.data) < body.K.nnz:
-        terms[body.K.data == 0] = 0
-    filled, around = np.diff(body.K.indptr) > 0, np.zeros(body.n, np.uint64)
-    around[filled] = np.add.reduceat(terms, body.K.indptr[:-1][filled])
-    node, mixed = body.dofs.node, np.zeros(body.n, dtype=bool)
-    for key, other in ((around, node), (node, around)):
+    weight = np.random.default_rng(1).integers(0, 2**63, int(at.max()) + 1, dtype=np.uint64)
+    component = (1 << body.dofs.component).astype(np.int8)
+    entry = slice(None) if np.all(body.K.data) else np.flatnonzero(body.K.data)
+    starts = body.K.indptr if isinstance(entry, slice) else np.searchsorted(entry, body.K.indptr)
+    column = body.K.indices[entry]
+    filled = np.diff(starts) > 0
+    each = starts[:-1][filled]
+    near = at.astype(np.int32)[column]
+    first = np.diff(near, prepend=-1) != 0
+    first[each] = True
+    terms = weight[near]
+    terms *= first
+    around, coupled = np.zeros(body.n, np.uint64), np.zeros(body.n, np.int8)
+    around[filled] = np.add.reduceat(terms, each)
+    coupled[filled] = np.bitwise_or.reduceat(component[column], each)
+    mixed = coupled == component
+    for key, other in ((around, at), (at, around), (around - weight[at], at)):
         order = np.lexsort((other, key))
         differ = (np.diff(key[order]) == 0) & (np.diff(other[order]) != 0)
         mixed[order[1:][differ]] = mixed[order[:-1][differ]] = True
-    return np.asarray(np.isin(node, node[mixed]) & (body.dofs.component > 0) & (around != 0))
+    some = np.zeros(weight.size, dtype=bool)
+    some[at[mixed & filled]] = True
+    return np.asarray(some[at] & (body.dofs.component > 0) & filled)
 
 
 def _kinds(body: FEModel, nodes: Nodes, same: float) -> tuple[Indices, Flags]:

@@ -41,6 +41,12 @@ def tower() -> FEModel:
     return frame("t", xyz, [(i + 1, j + 1) for i in range(16) for j in range(i + 1, 16) if apart[i, j] == 1])
 
 
+def bent() -> FEModel:
+    """Straight parts along x, y and z: the last bar shares a rotation with the one before."""
+    places = np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 0), (2, 2, 1)], dtype=float)
+    return frame("b", places, [(i, i + 1) for i in range(1, 6)])
+
+
 def plate(count: int = 6, across: int = 5) -> FEModel:
     xyz = [(i / count, j / across, 0.0) for i in range(count + 1) for j in range(across + 1)]
     row = across + 1
@@ -76,10 +82,10 @@ def exchanged(body: FEModel, *pairs: tuple[str, str]) -> FEModel:
     return permuted(body, order)
 
 
-SOUND = [crossed(9), tower(), plate(), solid(), held(), line("l", (0, 0, 0), (1, 0, 0), 10)]
+SOUND = [crossed(9), tower(), bent(), plate(), solid(), held(), line("l", (0, 0, 0), (1, 0, 0), 10)]
 
 
-@pytest.mark.parametrize("body", SOUND, ids=["crossed", "tower", "plate", "solid", "held", "line"])
+@pytest.mark.parametrize("body", SOUND, ids=["crossed", "tower", "bent", "plate", "solid", "held", "line"])
 def test_sound_bodies_are_proven_whole(body: FEModel) -> None:
     proof = prove_row_order(body)
     assert (proof.status, proof.hidden.only) == ("proven", "")
@@ -130,6 +136,7 @@ def condensed() -> FEModel:
         (line("l", (0, 0, 0), (1, 0, 0), 10), 1),
         *((condensed(), turn) for turn in (4, 5, 6)),
         *((tower(), component) for component in range(1, 7)),
+        *((bent(), component) for component in range(1, 7)),
         (block("s", (1.0, 0.8, 0.7), (2, 2, 3)), 3),
         *((star(), component) for component in range(1, 7)),
     ],
