@@ -54,11 +54,12 @@ def block(
     held: Sequence[int] = (),
     axes: np.ndarray | None = None,
     moduli: Sequence[float] = (),
+    densities: Sequence[float] = (),
 ) -> FEModel:
     """Block of aluminium without lateral contraction; sections along x are numbered one after the other.
 
-    ``held`` nodes have no rows; ``axes`` (3, 3) is the displacement frame of every node; ``moduli`` are factors of the
-    stiffness of each brick, x slowest.
+    ``held`` nodes have no rows; ``axes`` (3, 3) is the displacement frame of every node; ``moduli`` and
+    ``densities`` are factors of the stiffness and mass of each brick, x slowest.
     """
     grid = [np.linspace(0, side, n + 1) for side, n in zip(sides, cells, strict=True)]
     xyz = np.array(list(product(*grid))) + origin
@@ -70,10 +71,10 @@ def block(
     dofs = (3 * elements[:, :, None] + np.arange(3)).reshape(len(elements), 24)
     i, j = np.repeat(dofs, 24, axis=1).ravel(), np.tile(dofs, (1, 24)).ravel()
     n = 3 * len(xyz)
-    each = np.asarray(moduli or np.ones(len(elements)))
+    stiffer, heavier = (np.asarray(factors or np.ones(len(elements))) for factors in (moduli, densities))
     K, M = (
         sp.csc_array((np.outer(factor, part).ravel(), (i, j)), shape=(n, n))
-        for part, factor in ((k, each), (m, np.ones(len(elements))))
+        for part, factor in ((k, stiffer), (m, heavier))
     )
     turn = np.eye(3) if axes is None else axes
     if axes is not None:

@@ -45,7 +45,16 @@ from cmsreduce.read.row_order import (
     prove_row_order,
     quiet_share,
 )
-from cmsreduce.read.stated import SAME_PLACE, STRAINS, StatedEnergy, StatedMass, StatedNodes, StatedPlates
+from cmsreduce.read.stated import (
+    SAME_PLACE,
+    SOLIDS,
+    STRAINS,
+    StatedEnergy,
+    StatedMass,
+    StatedNodes,
+    StatedPlates,
+    are_affine,
+)
 from cmsreduce.read.superelement import SuperelementMatrices, superelement_damping, superelement_matrices
 
 __all__ = [
@@ -70,11 +79,13 @@ __all__ = [
     "SuperelementMatrices",
     "bars_in_units",
     "SAME_PLACE",
+    "SOLIDS",
     "STRAINS",
     "StatedEnergy",
     "StatedMass",
     "StatedNodes",
     "StatedPlates",
+    "are_affine",
     "damping_order_doubt",
     "deck_statement",
     "detect_format",

@@ -68,9 +68,13 @@ def frequencies(found) -> np.ndarray:
 
 def mass_proof(found: FEModel, deck: Path, factor: float) -> Proof:
     """Proof of the mass times a factor beside a deck."""
-    other = replace(found, M=sp.csc_array(found.M * factor))
+    return proof_of_deck(replace(found, M=sp.csc_array(found.M * factor)), deck, 2)
+
+
+def proof_of_deck(found: FEModel, deck: Path, number: int) -> Proof:
+    """Proof of the rows (0), the stiffness (1) or the mass (2) beside a deck."""
     rows, order = prove_row_order(found), prove_mass_order(found)
-    return prove_body(other, other, statement_of(deck, found), rows, order, definite(found, None)).proofs[2]
+    return prove_body(found, found, statement_of(deck, found), rows, order, definite(found, None)).proofs[number]
 
 
 @pytest.mark.parametrize("held", [False, True])
@@ -85,6 +89,27 @@ def test_the_deck_states_the_mass_of_its_solids(tmp_path, name, held):
         assert wrong.state == "refuted" and words in wrong.remark
     assert stiff is not None
     np.testing.assert_allclose(energy_ratios(found, stiff), 1, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["C3D4", "C3D6", "C3D8R", "C3D10", "C3D15", "C3D20R"])
+def test_solids_beside_supports(tmp_path, kind):
+    """Forces of supports on nodes of wedges of second order cancel; elements with another density are found."""
+    deck = Deck().solid(kind, (4, 2, 2), (1, 0.1, 0.15))
+    deck.nset("ROOT", root := deck.at(0))
+    deck.keywords += "*BOUNDARY\nROOT, 1, 3\n"
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    found = read(tmp_path)
+    stiff, right = (proof_of_deck(found, tmp_path / "bar.inp", name) for name in (1, 2))
+    assert stiff.state == "proven" and f"at {len(deck.nodes) - len(root)} of" in stiff.remark
+    assert right.state != "refuted"
+    beside = [k + 1 for k, (_, nodes) in enumerate(deck.elements) if set(nodes) & set(root)]
+    lead = STEEL.replace("STEEL", "LEAD").replace("7850", "8240") + "*SOLID SECTION, ELSET=HEAVY, MATERIAL=LEAD\n"
+    heavy = "*ELSET, ELSET=HEAVY\n" + "".join(f"{k},\n" for k in beside[:2]) + lead
+    solve(tmp_path, "other", deck.text() + heavy, matrices=True)
+    for kind_of in ("mas", "dof"):
+        (tmp_path / f"other.{kind_of}").replace(tmp_path / f"bar.{kind_of}")
+    wrong = proof_of_deck(read(tmp_path), tmp_path / "bar.inp", 2)
+    assert wrong.state == "refuted" and "times that of the deck" in wrong.remark
 
 
 @pytest.mark.parametrize("name", ["turned axes", "rigid", "rigid C3D8I", "equation", "tie"])

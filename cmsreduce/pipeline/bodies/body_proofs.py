@@ -147,7 +147,7 @@ def prove_body(
     stiffness, stiffness_proof = _stiffness(body, energy, at_nodes, negative["stiffness"])
     if (digits := mass_rounding(body)) > body.rounding:
         body, tied = (replace(each, rounding=digits) for each in (body, tied))
-    mass, mass_proof = _mass(body, tied, stated[0], rows, order, negative["mass"], density)
+    mass, mass_proof = _mass(body, tied, stated, rows, order, negative["mass"], density)
     return Proven((*checks, *stiffness, *mass), (row_proof, stiffness_proof, mass_proof))
 
 
@@ -228,7 +228,7 @@ def _stiffness(
 def _mass(
     body: FEModel,
     tied: FEModel,
-    stated: StatedMass | None,
+    deck: tuple[StatedMass | None, StatedEnergy | None],
     rows: RowOrderProof,
     order: MassOrder,
     negative: int | None,
@@ -238,7 +238,7 @@ def _mass(
         refuted = f"{negative} motions have negative energy" if negative else ""
         why = order.remark if order.status == "scalar" else "without coordinates its mass and inertia are unknown"
         return [], Proof("mass", "refuted" if negative else "unproven", remark=refuted or why)
-    whole, apart = tied, ""
+    whole, apart, stated = tied, "", deck[0]
     if stated is not None and stated.uneven is not None:
         # The mass of the rest is the same in all directions.
         rest = without_points(body, stated.uneven)
@@ -250,15 +250,14 @@ def _mass(
             return [check], Proof("mass", "refuted", remark=f"{name}: {check.note}")
         body = tied = replace(body, M=rest)
         apart = "; masses of the deck that differ by direction were taken out before"
-    checks = _one_mass(tied)
-    wrong = f"{negative} motions have negative energy" if negative else ""
+    checks, wrong = _one_mass(tied), f"{negative} motions have negative energy" if negative else ""
     modal = order.status == "modal"
     ordered, evidence = modal or order.status == "proven", order.remark
     # At a corner of a mesh, nodes of one element alone couple with the same nodes; the order of all others is proven.
     most = order.status == "alike" and order.alike <= _FEW * order.nodes
     free = rows.motions == _ALL_MOTIONS
     if stated is not None:
-        found, by_deck, said = _mass_by_deck(body, stated, free, order)
+        found, by_deck, said = _mass_by_deck(body, stated, deck[1], free, order)
         checks += found
         apart += "".join({f"; {check.note}": None for check in found if check.note})
         ordered, evidence = ordered or by_deck, said if by_deck else evidence + said
@@ -291,26 +290,28 @@ def _mass(
     def compare() -> str:
         return f"compare {density and f'{density}, '}{_figures(whole)}"
 
-    if not ordered and not most:
-        return checks, Proof("mass", "unproven", remark=f"order of its rows: {evidence}; {compare()}")
-    if negative is None:
-        return checks, Proof("mass", "unproven", remark=f"its definiteness is not determined; {compare()}")
+    if negative is None or not (ordered or most):
+        why = "its definiteness is not determined" if ordered or most else f"order of its rows: {evidence}"
+        return checks, Proof("mass", "unproven", remark=f"{why}; {compare()}")
     amount = any(check.name.startswith("mass against the deck") for check in checks)
-    deck = "; mass, centre and inertia agree with the deck" if amount and free else ""
-    deck += "" if amount else f"; no deck states its amount, which is not proven: {compare()}"
+    said = "; mass, centre and inertia agree with the deck" if amount and free else ""
+    said += "" if amount else f"; no deck states its amount, which is not proven: {compare()}"
     if not any("same mass" in check.name for check in checks):
-        deck += "; the body is held, so that its masses along x, y, z are not compared"
+        said += "; the body is held, so that its masses along x, y, z are not compared"
     whose = "" if ordered else "most nodes"
     # A consistent mass shares some of the mass of nodes next to supports with these, which have no rows.
-    away = "nodes away from supports" if amount and not free and order.status != "lumped" else ""
+    beside = order.status != "lumped" and any(check.name.endswith("away from supports") for check in checks)
+    away = "nodes away from supports" if beside else ""
     only = whose or away if amount else f"order of {whose}" if whose else "order"
-    return checks, Proof("mass", "proven", digits, f"{evidence}{deck}{apart}", only=only)
+    return checks, Proof("mass", "proven", digits, f"{evidence}{said}{apart}", only=only)
 
 
-def _mass_by_deck(body: FEModel, stated: StatedMass, free: bool, order: MassOrder) -> tuple[list[Finding], bool, str]:
+def _mass_by_deck(
+    body: FEModel, stated: StatedMass, energy: StatedEnergy | None, free: bool, order: MassOrder
+) -> tuple[list[Finding], bool, str]:
     """Checks of a free or held body's mass against the deck, if they prove its order, and remarks."""
     known = stated.nodal_known and (stated.nodal_if_lumped or order.status != "lumped")
-    away = nodes_times_deck(body, stated.nodal) if not free and known else None
+    away = nodes_times_deck(body, stated, energy and energy.at_nodes) if not free and known else None
     checks = against_deck(stated, body) if free else [away] if away is not None else []
     # Nodes with each other's mass are looked for where the mass as a whole, the first check, is that of the deck.
     if not known or not all(check.passed for check in checks[:1]):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -9,8 +11,9 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.model import FEModel, Finding, each_once
 from cmsreduce.pipeline.evidence.deck_agreement import EXACT, known_dofs, masses_move, named_nodes, ratio_in_words
+from cmsreduce.pipeline.evidence.mass_at_supports import own_masses
 from cmsreduce.pipeline.evidence.nodal_mass import momentum_of_nodes
-from cmsreduce.read import StatedMass
+from cmsreduce.read import StatedMass, StatedNodes
 
 __all__ = [
     "away_from_supports",
@@ -84,45 +87,60 @@ def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding
     return Finding(name, float(off.max()), _SAME, f"{len(exchanged)} nodes have each other's mass: {named}")
 
 
-def nodes_times_deck(body: FEModel, nodal: Array) -> Finding | None:
-    """Compare the masses of a held body's nodes with those of the deck, at nodes that are not next to the supports.
+def nodes_times_deck(body: FEModel, stated: StatedMass, solids: StatedNodes | None = None) -> Finding | None:
+    """Compare the masses of a held body's nodes with those of the deck.
+
+    Nodes next to the supports are compared if they are nodes of solids of one kind.
 
     Parameters
     ----------
     body : FEModel
         As read, with the deck's nodes.
-    nodal : (N,) float64
-        Mass of the deck at each node.
+    stated : StatedMass
+        Mass that the deck states.
+    solids : StatedNodes, optional
+        Its solids.
 
     Returns
     -------
     Finding or None
         Difference of the ratio that most nodes have, or else the largest one of a node, in each direction. None if
         these nodes have no ratio in common, or if the masses of nodes that constraints join are not theirs together.
+        Its name says so where all nodes with rows are compared.
     """
     assert body.nodes is not None
+    nodal = stated.nodal
     ids, P = momentum_of_nodes(body)
     at = body.nodes.index(ids)
     # Along a direction without rows a node shows no mass.
-    whole = (body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3) >= 0).all(axis=1)
-    whole &= away_from_supports(body, ids) & (abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0))
+    full = (body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3) >= 0).all(axis=1)
+    full &= abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0)
+    whole = full & away_from_supports(body, ids, () if solids is None else solids.solids)
     found, share = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
     most = float(np.median(found[whole] / share[whole])) if whole.any() else 0.0
     joined = _joined(body, most * nodal, ids, P, whole)
     if joined is None:
         return None
-    whole, note = whole & ~joined, _TOGETHER.format(named_nodes(ids[joined])) if joined.any() else ""
-    ids, P, stated = ids[whole], P[whole], share[whole]
-    ratio = found[whole] / stated
-    if (abs(ratio - most) <= _SAME * abs(most)).sum() <= _MOST * ratio.size:
+    whole &= ~joined
+    ratio = np.divide(found, share, out=np.ones(ids.size), where=whole)
+    if (abs(ratio[whole] - most) <= _SAME * abs(most)).sum() <= _MOST * whole.sum():
         return None
     name = "mass against the deck, of nodes away from supports"
     if abs(most - 1) > EXACT:
         return Finding(name, abs(most - 1), EXACT, ratio_in_words(most, most))
-    off = abs(P / stated[:, None, None] - np.eye(3)).max(axis=(1, 2))
+    off = np.zeros(ids.size)
+    off[whole] = abs(P[whole] / share[whole][:, None, None] - np.eye(3)).max(axis=(1, 2))
+    rest = np.flatnonzero(full & ~joined)
+    if solids is not None:
+        beside, times = own_masses(body, stated, solids, ids[rest], whole[rest])
+        ratio[rest[beside]], off[rest[beside]] = times[beside], abs(times[beside] - 1)
+        whole[rest[beside]] = True
+    if (whole | joined).all():
+        name = "mass against the deck, of all nodes"
     order = np.argsort(-off, kind="stable")
     wrong, first = order[off[order] > EXACT], order[0]
     words = "in one of its directions" if abs(ratio[first] - 1) <= EXACT else ratio_in_words(ratio[first], ratio[first])
+    note = _TOGETHER.format(named_nodes(ids[joined])) if joined.any() else ""
     note = f"at node {named_nodes(ids[wrong])}; at the first {words}" if wrong.size else note
     return Finding(name, float(off[first]), EXACT, note)
 
@@ -238,18 +256,29 @@ def _coupled_nodes(body: FEModel, node: int, own: Array) -> set[int]:
     return set(body.dofs.node[part.row[abs(part.data) > least]])
 
 
-def away_from_supports(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """True for nodes that K couples with no support, which resists translation and takes a part of their momentum."""
+def away_from_supports(
+    body: FEModel, ids: NDArray[np.int64], solids: Sequence[NDArray[np.int64]] = ()
+) -> NDArray[np.bool_]:
+    """True for nodes that no support takes a part of the momentum of.
+
+    A support resists translation of the nodes that K couples with it. Forces of quadratic solids may cancel: nodes that
+    share one with a support, by the positions (e, k) of its nodes, are not away either.
+    """
     assert body.nodes is not None
     T = body.rigid_shapes[:, :3]
     force, parts = abs(symmetric_product(body.K)(T)).max(axis=1), absolute_product(body.K)(abs(T)).max(axis=1)
     loud = force > max(_FORCE, _ROUNDINGS * body.stiffness_rounding) * parts
+    beside = np.zeros(len(body.nodes), dtype=bool)
     if body.constrained is not None:
         # Forces of supports along some axes may cancel, as in a plane of symmetry that holds a node on its both sides.
         translations = body.constrained.component[:, None] == np.arange(1, 4)
-        partly = np.isin(body.dofs.node, body.constrained.node[translations.any(axis=1)])
+        held = body.constrained.node[translations.any(axis=1)]
+        partly = np.isin(body.dofs.node, held)
         loud |= absolute_product(body.K)(partly[:, None].astype(float))[:, 0] > 0
-    return ~np.isin(ids, body.dofs.node[loud])
+        at_rest = np.isin(body.nodes.id, held)
+        for part in solids:
+            beside[part[at_rest[part].any(axis=1)]] = True
+    return ~(np.isin(ids, body.dofs.node[loud]) | beside[body.nodes.index(ids)])
 
 
 def _apart(found: Array, stated: Array, largest: float) -> Array:

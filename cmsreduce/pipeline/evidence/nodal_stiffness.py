@@ -98,7 +98,7 @@ def nodes_against_deck(body: FEModel, stated: StatedNodes, free: bool = False) -
     away = np.ones(len(body.nodes), dtype=bool)
     if solid.any() and not free:
         ids = each_once(body.dofs.node[rows])
-        away[body.nodes.index(ids)] = away_from_supports(body, ids)
+        away[body.nodes.index(ids)] = away_from_supports(body, ids, stated.solids)
     found = [_of_solids(body, stated, E, rows, solid & away, strained)]
     if not away.all():
         alone = solid & ~away & ~plated & (stated.stiffness.diagonal().reshape(-1, 6) == 0).all(axis=1)

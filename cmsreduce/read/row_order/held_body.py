@@ -130,8 +130,35 @@ def _sorted(body: FEModel, nodes: Nodes, A: sp.csc_array, found: RigidResidual) 
     sprung = ~_any(~turning & (abs(own).max(axis=1) > limit), of, ids.size)
     whole = _whole(body, ids, A)
     wrong = resists & ~pushed & across & whole
+    if wrong.any():
+        wrong[wrong] = ~_beside_supports(body, nodes, ids[wrong], A)
     proven = ~resists | (pushed & sprung) | (~pushed & ~across)
     return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong])
+
+
+def _beside_supports(body: FEModel, nodes: Nodes, ids: NDArray[np.int64], A: sp.csc_array) -> NDArray[np.bool_]:
+    """True for nodes (k,) that are as near to a support as to the farthest node that a matrix couples them with.
+
+    Solids of second order may share an element with a support whose forces under translation cancel, as in a regular
+    mesh of wedges.
+    """
+    if body.constrained is None:
+        return np.zeros(ids.size, dtype=np.bool_)
+    # Imported here: it loads libraries that a body without such nodes does not need.
+    from scipy.spatial import cKDTree
+
+    translations = (body.constrained.component > 0) & (body.constrained.component <= 3)
+    held = nodes.index(body.constrained.node[translations])
+    rows = np.flatnonzero(np.isin(body.dofs.node, ids) & (body.dofs.component > 0))
+    part = A[:, rows]
+    column = np.repeat(rows, np.diff(part.indptr))
+    coupled = (part.data != 0) & (body.dofs.component[part.indices] > 0)
+    node, other = body.dofs.node[column[coupled]], body.dofs.node[part.indices[coupled]]
+    place = nodes.xyz[nodes.index(ids)]
+    away = np.linalg.norm(nodes.xyz[nodes.index(node)] - nodes.xyz[nodes.index(other)], axis=1)
+    reach = _largest(away, np.searchsorted(ids, node), ids.size)
+    nearest = cKDTree(nodes.xyz[held[held >= 0]]).query(place)[0]
+    return np.asarray(nearest <= (1 + _ONE_PLACE) * reach)
 
 
 def _without_rows(dofs: DofTable) -> DofTable | None:

@@ -33,15 +33,37 @@ def read(folder: Path, M: sp.csc_array, held: bool) -> FlexibleBody:
     return opened(folder, body, [*brick_cards(CELLS), *(["SPC1,1,123456,1,THRU,9"] if held else [])])
 
 
-@pytest.mark.parametrize(("held", "label"), [(False, "mass"), (True, "mass (nodes away from supports alone)")])
+@pytest.mark.parametrize("held", [False, True])
 @pytest.mark.parametrize("lumped", [False, True])
-def test_a_sound_mass_is_proven(tmp_path: Path, held: bool, label: str, lumped: bool) -> None:
+def test_a_sound_mass_is_proven(tmp_path: Path, held: bool, lumped: bool) -> None:
     M = body_of(held).M
     if lumped:
         free = body_of(False).M
         M = sp.csc_array(sp.diags_array(np.asarray(free.sum(axis=1)).ravel()[-M.shape[0] :]))
     proof = proof_of(read(tmp_path, M, held), "mass")
-    assert (proof.state, proof.label) == ("proven", "mass" if lumped else label)
+    assert (proof.state, proof.label) == ("proven", "mass")
+
+
+@pytest.mark.parametrize("cell", [0, 3, 20])
+@pytest.mark.parametrize("factor", [10.0, 1.1])
+def test_another_density_beside_supports_is_found(tmp_path: Path, cell: int, factor: float) -> None:
+    """Nodes there share mass with nodes without rows: their own entries are compared."""
+    densities = [factor if each == cell else 1.0 for each in range(24)]
+    held = [*ROOT, *range(55, 64)]
+    body = replace(block("part", SIDES, CELLS, held=held, densities=densities), grounded=False)
+    cards = [*brick_cards(CELLS), "SPC1,1,123,1,THRU,9", "SPC1,1,123,55,THRU,63"]
+    proof = proof_of(opened(tmp_path, body, cards), "mass")
+    assert proof.state == "refuted" and "times that of the deck" in proof.remark
+
+
+@pytest.mark.parametrize(("more", "label"), [("CONM2,99,14,,5.", "nodes away from supports"), ("", "")])
+def test_nodes_beside_supports_with_other_elements_are_left_out(tmp_path: Path, more: str, label: str) -> None:
+    body = replace(body_of(True), grounded=False)
+    rows = body.dofs.rows(14, [1, 2, 3]) if more else np.zeros(0, np.int64)
+    M = body.M + sp.csc_array((np.full(rows.size, 5.0), (rows, rows)), shape=body.M.shape)
+    deck = [*brick_cards(CELLS), *([more] if more else []), "SPC1,1,123456,1,THRU,9"]
+    proof = proof_of(opened(tmp_path, replace(body, M=sp.csc_array(M)), deck), "mass")
+    assert (proof.state, proof.only) == ("proven", label)
 
 
 def test_a_few_heavier_nodes_of_a_held_body_are_named(tmp_path: Path) -> None:
