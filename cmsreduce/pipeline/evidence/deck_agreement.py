@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import svd, symmetric_product
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import DofTable, FEModel, Finding, Nodes, rigid_body_shapes
+from cmsreduce.pipeline.evidence.nodal_mass import momentum_of_nodes
 from cmsreduce.read import STRAINS, StatedEnergy, StatedMass, deck_statement
 from cmsreduce.verify import rigid_mass_properties
 
@@ -132,11 +133,25 @@ def ratio_in_words(low: float, high: float) -> str:
 
 
 def statement_of(geometry: Path, body: FEModel) -> tuple[StatedMass | None, StatedEnergy | None]:
-    """Mass and strain energy that the deck of a body states, of elements whose nodes have rows or are held."""
+    """Mass and strain energy that the deck of a body states, of elements whose nodes have rows or are held.
+
+    Of masses by two rules of integration, those that are in the ratios of the body's come back.
+    """
     if body.nodes is None:
         return None, None
     rows = known_dofs(body).rows(body.nodes.id[:, None], np.arange(1, 4)).reshape(-1, 3)
-    return deck_statement(geometry, body.nodes, np.asarray((rows >= 0).all(axis=1)))
+    mass, energy = deck_statement(geometry, body.nodes, np.asarray((rows >= 0).all(axis=1)))
+    if mass is not None and mass.by_rule is not None:
+        ids, P = momentum_of_nodes(body)
+        at, found = body.nodes.index(ids), np.trace(P, axis1=1, axis2=2)
+
+        def unlike(nodal: Array) -> float:
+            """Distance of the body's masses from multiples of these; supports take of both alike."""
+            own = nodal[at]
+            return float(np.linalg.norm(found - own * (found @ own) / (own @ own)))
+
+        mass = mass._replace(nodal=min(mass.nodal, mass.by_rule, key=unlike))
+    return mass, energy
 
 
 def supported_dofs(body: FEModel) -> DofTable:

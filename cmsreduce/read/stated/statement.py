@@ -80,14 +80,16 @@ class StatedMass(NamedTuple):
     unsure : float
         Largest difference that a program's rule of integration makes to the mass.
     nodal_known, nodal_if_lumped : bool
-        True if ``nodal`` has the mass of each node: in every rule of integration and under the constraints of the deck;
-        and in a mass matrix that is lumped.
+        True if ``nodal`` or ``by_rule`` has the mass of each node: in every rule of integration and under the
+        constraints of the deck; and in a mass matrix that is lumped.
     points : (N, 6, 6) float64, optional
         Mass matrix of the point masses at each node, with their offsets and inertias, along basic axes.
     turning : (N, 2) float64, optional
         Most that other elements add to its coupling of translations with rotations, and to its inertia.
     uneven : (N, 6, 6) float64, optional
         Masses at each node that differ by direction, as water around a hull, along basic axes. Nothing else has them.
+    by_rule : (N,) float64, optional
+        ``nodal`` by a program's rule of integration, where that gives other masses.
     """
 
     mass: float
@@ -102,6 +104,7 @@ class StatedMass(NamedTuple):
     points: Array | None = None
     turning: Array | None = None
     uneven: Array | None = None
+    by_rule: Array | None = None
 
 
 class StatedPlates(NamedTuple):
