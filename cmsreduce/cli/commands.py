@@ -24,6 +24,7 @@ from cmsreduce.cli.options import (
     work_in,
     worker_options,
 )
+from cmsreduce.errors import CmsReduceError, ReadError
 
 if TYPE_CHECKING:
     from cmsreduce.report import Output
@@ -122,11 +123,17 @@ def inspect(files: tuple[Path, ...], output: Output) -> None:
     from cmsreduce.pipeline import inspected
     from cmsreduce.report import print_inspected
 
-    found = []
+    found, refused = [], []
     for path in files:
-        each = inspected(path)
+        try:
+            each = inspected(path)
+        except CmsReduceError as error:
+            refused.append(error)
+            continue
         print_inspected(each.rows, output)
         found.append(each.data)
+    if refused:
+        raise refused[0] if len(refused) == 1 else ReadError("\nerror: ".join(map(str, refused)))
     output.result(found)
 
 

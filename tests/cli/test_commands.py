@@ -115,6 +115,16 @@ def test_inspect_says_what_is_in_files(finished: Path) -> None:
     assert "hub: rigid, mass 5" in said
 
 
+def test_inspect_goes_on_after_a_file_that_it_cannot_read(finished: Path) -> None:
+    folder = finished.parent
+    (folder / "panel.12d").write_text("")
+    result = call("inspect", folder / "panel.12d", folder / "arm.op4", folder / "none.op4")
+    assert result.exit_code == 2 and "matrix KAA: 30 x 30" in result.stdout
+    first, second = result.stderr.splitlines()
+    assert first.startswith("error: ") and "the file is empty" in first
+    assert second.startswith("error: ") and "there is no such file" in second
+
+
 def test_report_is_written_again(finished: Path) -> None:
     before = (finished / "report.html").read_bytes()
     (finished / "report.html").unlink()
