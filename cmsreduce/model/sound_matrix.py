@@ -103,10 +103,16 @@ def _refuse_diagonal(A: sp.csc_array, dofs: DofTable, where: str, limit: float, 
     if beside.data.max(initial=0.0) > noise:
         first = int(beside.data.argmax())
         column, row, labels = int(bare[beside.col[first]]), int(beside.row[first]), dofs.labels
+        cause = "as where a file was cut: write it again"
+        if "stiffness" in where:
+            # Multipliers have no mass.
+            cause = (
+                "as the row of a Lagrange multiplier has, or where a file was cut. Write both matrices again, with the "
+                "constraints worked in, by elimination, and without such rows"
+            )
         raise MatrixError(
             f"{where} is not positive semidefinite: its diagonal is 0 at row {column + 1} ({labels[column]}), which "
-            f"has {A[row, column]:.6g} at {labels[row]}, as the row of a Lagrange multiplier has. Write both matrices "
-            "with the constraints worked in, by elimination, and without such rows"
+            f"has {A[row, column]:.6g} at {labels[row]}, {cause}"
         )
     if (held := np.flatnonzero(diagonal > _PENALTY)).size and held.size < len(dofs):
         raise MatrixError(

@@ -54,6 +54,8 @@ _DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*N?" + _DOF + rb"\s*\n){2}"
 _NAMES = rb"(?:[\"A-Z_][^\n;,\t]*+[;,\t][^\n]*+\n)?"
 _NUMBERS = rb"(?=[ \t]*+[+-]?[.\d])(?=[^\n]*\d[;,\t ]++[+-]?\.?\d)[\d+.,;ED\t\r -]++\n"
 _TABLE = rb"\A(?:\xef\xbb\xbf)?" + _NAMES + 2 * _NUMBERS
+# As a number with an exponent, or between semicolons, tabs or blanks.
+_DECIMAL_COMMA = rb"\A(?:\xef\xbb\xbf)?[^\n]*+\n[ \t]*+[^\n]*?(?:\d,\d{3,}[ED][+-]?\d|\d,\d+[;\t ]+[+-]?\d+,\d)"
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:[^\S\n]*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 MARKS = (
@@ -131,6 +133,12 @@ MARKS = (
         "a pipeline of cmsreduce (JSON)",
         _matches(rb"\A\s*\{(?s:.)*\"(?:components|scene|include|output)\"\s*:"),
         "run it: `cmsreduce run {path}`",
+    ),
+    _Mark(
+        "decimal-commas",
+        "a text of numbers with decimal commas",
+        _matches(_DECIMAL_COMMA),
+        "write them with points",
     ),
     _Mark(
         "table",

@@ -37,6 +37,10 @@ REFUSED = {
         {"K": sp.csc_array([[1e10, -1e10, 1.0], [-1e10, 1e10, -1.0], [1.0, -1.0, 0]])},
         r"not positive semidefinite: its diagonal is 0 at row 3 \(2\.1\), which has -?1 at 1\.[12], .* Lagrange",
     ),
+    "mass cut after whole lines": (
+        {"M": sp.csc_array([[2.0, 0.5, 0.5], [0.5, 2.0, 0.5], [0.5, 0.5, 0]])},
+        r"its diagonal is 0 at row 3 \(2\.1\), which has 0\.5 at 1\.[12], as where a file was cut: write it again$",
+    ),
     "two multipliers for each support": (
         {"K": sp.csc_array([[9.0, 5.0, 5.0], [5.0, -5.0, 5.0], [5.0, 5.0, -5.0]])},
         r"its diagonal is -5 at row 2 \(1\.2\)\. .* multipliers, as code_aster writes them .* by elimination",

@@ -83,6 +83,7 @@ CONTENT = {
     "dofs": b"1.1\n1.2\n1.3\n",
     "pipeline": b"# a study\nname: bracket\ncomponents:\n",
     "yaml": b"colour: blue\n",
+    "decimal-commas": b"1,1, 1,1, 1,507692e+11\n1,2, 1,1, 3,2692e+10\n",
     "table": b"1.5e3;-2,5;0\n-2,5;3;1\n",
     "empty": b"",
     "unknown": b"once upon a time",

@@ -114,6 +114,8 @@ def _load_labelled(path: Path, format: str, text: bytes, symmetric: bool, factor
             f"{path}: dof {dof[bad][0]} of node {node[bad][0]} is no displacement or rotation (1..6); temperatures, "
             "pressures and multipliers cannot be reduced: leave them out of the output"
         )
+    if (node == 0).any():
+        raise ReadError(f"{path}: there is a node 0, and nodes count from 1: number them anew, here and in the deck")
     if (node < 1).any():
         raise ReadError(
             f"{path}: node {node[node < 1][0]} is one that Abaqus made for itself, such as for the multiplier of a "

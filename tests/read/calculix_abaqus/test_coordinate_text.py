@@ -158,6 +158,7 @@ def test_dof_list_that_does_not_fit(tmp_path: Path) -> None:
         ("1 1 2.0\n1 2 1.0\n1 2 4.0\n", "row 1, column 2 appears 2 times"),
         ("3 3 4\n1 1 2.0\n1 2 1.0\n2 2 4.0\n3 3 1.0\n", "first line, '3 3 4', states rows, columns and entries"),
         ("-1,1, 5,1, 2.0\n5,1, 5,1, 3.0\n", "node -1 is one that Abaqus made for itself"),
+        ("0,1, 0,1, 2.0\n1,1, 0,1, 3.0\n", "there is a node 0, and nodes count from 1"),
         ("1 1 2.0\n1 900000000000 1.0\n", "claims 900000000000 x 900000000000 in a file of"),
         ("1,1, 1,1, 2.0\n1,1, 5,11, 3.0\n", "dof 11 of node 5 is no displacement"),
         ("1,1, 1,1, 2.0\n1,1, 1,1, 3.0\n", r"row 1\.1, column 1\.1 appears 2 times"),
