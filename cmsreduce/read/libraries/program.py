@@ -240,13 +240,15 @@ def ansys_nodes(path: str) -> Arrays:
         binary = b"\0" in file.read(64)
     found: Any = reader.read_binary(path) if binary else reader.Archive(path)
     part = found.mesh if binary else found
-    grid = found.grid
-    number = np.asarray(grid.point_data["ansys_node_num"])
-    cells = {
-        f"{at} {_VTK_KINDS[int(kind)]}": number[nodes]
-        for at, (kind, nodes) in enumerate(grid.cells_dict.items())
-        if int(kind) in _VTK_KINDS
-    }
+    # A file of nodes alone has none.
+    grid, cells = found.grid, {}
+    if grid is not None:
+        number = np.asarray(grid.point_data["ansys_node_num"])
+        cells = {
+            f"{at} {_VTK_KINDS[int(kind)]}": number[nodes]
+            for at, (kind, nodes) in enumerate(grid.cells_dict.items())
+            if int(kind) in _VTK_KINDS
+        }
     return {
         "number": np.asarray(part.nnum),
         "points": np.asarray(part.nodes),

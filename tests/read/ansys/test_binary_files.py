@@ -44,6 +44,17 @@ def test_elements_of_an_archive(examples: Path) -> None:
     assert {kind: len(each) for kind, each in cells.items()} == {"hexahedron": 101, "wedge": 4}
 
 
+@installed
+def test_an_archive_of_nodes_alone(tmp_path: Path) -> None:
+    """CDWRITE of a selection without elements; the message was about an attribute of None."""
+    path = tmp_path / "nodes.cdb"
+    rows = "".join(f"{k:9d}{0:9d}{0:9d}{0.1 * k:21.13E}{0.2:21.13E}{-0.3:21.13E}\n" for k in (7, 9, 12))
+    path.write_text(f"/PREP7\nNBLOCK,6,SOLID,12,3\n(3i9,6e21.13e3)\n{rows}N,R5.3,LOC,-1,\n")
+    nodes = read_geometry(path).nodes
+    assert nodes.id.tolist() == [7, 9, 12] and read_cells(path) == {}
+    np.testing.assert_allclose(nodes.xyz, [[0.7, 0.2, -0.3], [0.9, 0.2, -0.3], [1.2, 0.2, -0.3]])
+
+
 @pytest.mark.parametrize(
     ("kind", "changes", "message"),
     [
