@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.errors import DofMapError, MatrixError
+from cmsreduce.errors import DofMapError, MatrixError, SceneError
 from cmsreduce.model import SCALAR, SI, Damping, DofTable, FEModel, Source, Units, rounding_of_values
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import NODE_ROWS, Geometry
@@ -17,7 +17,7 @@ from cmsreduce.read.geometry import in_terms_of, other_length, read_geometry
 from cmsreduce.read.held_dofs import constrained_dofs, with_turned_supports, without_support_rows
 from cmsreduce.read.idle_turns import with_idle_turns
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_interface
-from cmsreduce.read.labelled_matrix import LabelledMatrix
+from cmsreduce.read.labelled_matrix import LabelledMatrix, require_square
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.nastran import SET_NAMES
 from cmsreduce.read.row_order import prove_row_order, without_round_off
@@ -111,7 +111,7 @@ def read_body(
         shape = replace(shape, nodes=replace(shape.nodes, xyz=xyz))
     for one in matrices.values():
         # Before the rows are looked for in the geometry, which would be blamed.
-        _refuse_other_shape(name, one)
+        require_square(name, one)
     shape = with_all_modes(name, shape, matrices["stiffness"], matrices["mass"])
     sources = _sources(matrices, shape, dof_list)
     # The type of a file may have more digits than its numbers. Those of K tell: masses are often typed.
@@ -189,7 +189,12 @@ def read_body(
                 if prove_row_order(build(table, {})).status != "trusted":
                     dofs = table
                     break
-    body = build(dofs, interfaces or {})
+    try:
+        body = build(dofs, interfaces or {})
+    except SceneError:
+        # What is wrong with the files comes first: the draft of a body that cannot be read has a mount of no body.
+        prove_row_order(build(dofs, {}))
+        raise
     if shape is not None and (followers := shape.sets.get("m")) is not None:
         _check_rigid_elements_act(body, followers, matrices["stiffness"], shape)
     try:
@@ -301,17 +306,6 @@ def _on_common_rows(
     for one in labelled:
         dofs = _extended(body, dofs, one, first, geometry)
     return dofs, [one.on(dofs) for one in labelled]
-
-
-def _refuse_other_shape(body: str, matrix: LabelledMatrix) -> None:
-    rows, cols = matrix.A.shape
-    if rows == cols > 0:
-        return
-    fault = "matrices of a body are square" if rows != cols else "it is empty, as where a set of the run had no dofs"
-    raise MatrixError(
-        f"body '{body}': matrix '{matrix.name}' of {matrix.path} is {rows} x {cols}; {fault}: name another matrix, or "
-        "write it again"
-    )
 
 
 def _labelled(body: str, matrix: LabelledMatrix, dofs: DofTable, first: LabelledMatrix) -> LabelledMatrix:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import MatrixError, ReadError
 from cmsreduce.model import DOUBLE, SINGLE, DofTable
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "check_size",
     "complex_refused",
     "mirrored",
+    "require_square",
 ]
 
 # Files leave out empty rows and columns, so a header may rightly claim more of them than the file has bytes. Up to this
@@ -165,6 +166,24 @@ def complex_refused(path: Path, name: str) -> ReadError:
     """Error for a matrix with an imaginary part; programs for responses hold real matrices as complex ones, too."""
     return ReadError(
         f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real: write its real part alone"
+    )
+
+
+def require_square(body: str, matrix: LabelledMatrix) -> None:
+    """Refuse a matrix of a body that is empty or not square.
+
+    Raises
+    ------
+    MatrixError
+        With its size.
+    """
+    rows, cols = matrix.A.shape
+    if rows == cols > 0:
+        return
+    fault = "matrices of a body are square" if rows != cols else "it is empty, as where a set of the run had no dofs"
+    raise MatrixError(
+        f"body '{body}': matrix '{matrix.name}' of {matrix.path} is {rows} x {cols}; {fault}: name another matrix, or "
+        "write it again"
     )
 
 

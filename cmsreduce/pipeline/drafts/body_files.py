@@ -156,6 +156,14 @@ def _read(kinds: dict[Path, FileKind], useless: list[tuple[Path, str, ReadError]
                     raise
                 else:
                     useless.insert(0, (path, str(error), error))
+    for path in [path for path in _with_nodes(kinds) if kinds[path].matrices]:
+        try:
+            read[path] = read_geometry(path)
+        except ReadError:
+            # A punch file may stand between BEGIN BULK and ENDDATA.
+            if not any(kind.geometry for other, kind in kinds.items() if other != path):
+                raise
+            kinds[path] = replace(kinds[path], geometry="")
     return read
 
 

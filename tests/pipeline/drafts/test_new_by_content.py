@@ -267,6 +267,24 @@ def test_a_file_given_twice_is_left_out(files: list[Path]) -> None:
     assert draft.notes == ("copy has the same content as 3, and is left out",)
 
 
+def test_a_punch_file_between_the_marks_of_a_deck_is_no_deck(tmp_path: Path) -> None:
+    body = panel()
+    write_body(tmp_path, body)
+    cards = ["BEGIN BULK"]
+    for name, A in (("KAAX", body.K), ("MAAX", body.M)):
+        cards.append(f"DMIG    {name}           0       6       2       0")
+        lower = sp.tril(A).tocsc()
+        for column in range(body.n):
+            start, end = lower.indptr[column : column + 2]
+            cards.append(f"DMIG*   {name}            {body.dofs.node[column]:16d}{body.dofs.component[column]:16d}")
+            for row, value in zip(lower.indices[start:end], lower.data[start:end], strict=True):
+                cards.append(f"*       {body.dofs.node[row]:16d}{body.dofs.component[row]:16d}{value:16.9E}")
+    punch, deck = tmp_path / "body.pch", tmp_path / f"{body.name}.bdf"
+    punch.write_text("\n".join([*cards, "ENDDATA", ""]))
+    found = draft_body("b", [punch, deck])
+    assert (found.stiffness[0], found.mass[0], found.geometry) == (punch, punch, deck)
+
+
 def test_bodies_are_joined_where_they_coincide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An arm and a panel meet at one node; the joined frequencies are those of the assembled matrices."""
     monkeypatch.chdir(tmp_path)
