@@ -151,7 +151,8 @@ def file_kind(path: Path) -> FileKind:
             return FileKind(mark.name, mark.words, "", mark.geometry, mark.step.format(path=path))
     start = head.lstrip()[:24].decode("ascii", "backslashreplace")
     words = f"of no known format; it starts with {' '.join(start.split())!r}"
-    return FileKind("unknown", words, step=f"If it holds matrices: {SAVE.format()}")
+    lists = "if it lists the rows of one, write node.component, one a line"
+    return FileKind("unknown", words, step=f"If it holds matrices: {SAVE.format()}; {lists}")
 
 
 def matrix_format(path: Path, head: bytes) -> MatrixFormat | None:

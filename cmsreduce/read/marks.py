@@ -48,12 +48,14 @@ _MESH = rb"\A\s*(?:\$MeshFormat|MeshVersionFormatted\b|# vtk |solid |OFF\b|ply\b
 _MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:(?:\*\*[^\n]*|[^\S\n]*)\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
 _SID = rb"^[^\S\n]*part[^\S\n]*\n\s*new modal\b"
 # With remarks, separated as spreadsheets do, and by name.
-_DOF = rb"\d+(?:(?:\.|[ \t]*[,;][ \t]*|[ \t]+)[0-6]|[ \t.,;]+(?:(?:D|U|R|T|DR|ROT)?[XYZ]|UR?[123]))"
+_DOF = rb"\d+(?:(?:\.|[ \t]*[,;][ \t]*|[ \t]+)0?[0-6]|[ \t.,;]+(?:(?:D|U|R|T|DR|ROT)?[XYZ]|UR?[123]))"
 _DOFS = rb"\A(?:\xef\xbb\xbf)?(?:\s*#[^\n]*\n)*(?:\s*N?" + _DOF + rb"\s*\n){2}"
 # Lines of two numbers or more, under names of columns or without.
 _NAMES = rb"(?:[\"A-Z_][^\n;,\t]*+[;,\t][^\n]*+\n)?"
 _NUMBERS = rb"(?=[ \t]*+[+-]?[.\d])(?=[^\n]*\d[;,\t ]++[+-]?\.?\d)[\d+.,;ED\t\r -]++\n"
-_TABLE = rb"\A(?:\xef\xbb\xbf)?" + _NAMES + 2 * _NUMBERS
+# A row of a large matrix is longer than what is looked at.
+_WIDE = rb"[+-]?[.\d][\d+.,;ED\t -]{3000}"
+_TABLE = rb"\A(?:\xef\xbb\xbf)?(?:" + _NAMES + 2 * _NUMBERS + rb"|[ \t]*+" + _WIDE + rb")"
 # As a number with an exponent, or between semicolons, tabs or blanks.
 _DECIMAL_COMMA = rb"\A(?:\xef\xbb\xbf)?[^\n]*+\n[ \t]*+[^\n]*?(?:\d,\d{3,}[ED][+-]?\d|\d,\d+[;\t ]+[+-]?\d+,\d)"
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:[^\S\n]*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"

@@ -132,7 +132,14 @@ def test_a_medit_mesh_that_meshio_cannot_read_is_a_mesh(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["1.0,2.0\n3.0,4.0\n", "row,col,value\n1,1,2.5\n2,2,3.5\n", " 1e0 2e0\n 3e0 4e0\n", "1 1 1,5\n1 2 -2,5e3\n"]
+    "text",
+    [
+        "1.0,2.0\n3.0,4.0\n",
+        "row,col,value\n1,1,2.5\n2,2,3.5\n",
+        " 1e0 2e0\n 3e0 4e0\n",
+        "1 1 1,5\n1 2 -2,5e3\n",
+        " -1.5e10" * 9000,
+    ],
 )
 def test_tables_of_numbers_are_refused_with_what_to_write(tmp_path: Path, text: str) -> None:
     """A spreadsheet's matrix was refused as a mesh whose format could not be deduced."""

@@ -42,7 +42,8 @@ _OTHER_KEYWORD = re.compile(
     r"\s*(?:\*\s*(?:USER\s*ELEMENT|MATRIX(?=\s*,)|HEADING|PART|NODE|ELEMENT)|\$MeshFormat)\b", re.IGNORECASE
 )
 _FACTOR = re.compile(rb"SCALEFACTOR=([^,\n]*)")
-_DIGITS = {str(component): component for component in range(7)}
+# SDT writes dof 3 of node 12 as 12.03.
+_DIGITS = {digits: component for component in range(7) for digits in (f"{component}", f"0{component}")}
 _DOF = re.compile(r"N?(\d+)(?:\s*[.,;]\s*|\s+)(\w+)", re.IGNORECASE)
 # Abaqus' name of the instance before the number of a node.
 _INSTANCE = re.compile(rb"(^|,)[ \t]*([A-Za-z][\w-]*)\.(?=\d)", re.MULTILINE)
@@ -189,10 +190,10 @@ def read_dof_list(path: Path) -> DofTable:
     Parameters
     ----------
     path : Path
-        Text with one dof a line: ``node.component``, or the two separated by a blank or a comma; components by number
-        or by name, as ``UX`` and ``DRZ``. Empty lines and
-        lines that start with ``#``, ``%``, ``$`` or ``*`` are skipped. The ``.dof`` of CalculiX repeats the dofs of
-        shells and beams; the ``.12d`` beside it tells the nodes apart.
+        Text with one dof a line: ``node.component``, or the two separated by a blank or a comma; components by number,
+        as ``3`` and ``03``, or by name, as ``UX`` and ``DRZ``. Empty lines and lines that start with ``#``, ``%``,
+        ``$`` or ``*`` are skipped. The ``.dof`` of CalculiX repeats the dofs of shells and beams; the ``.12d`` beside
+        it tells the nodes apart.
 
     Returns
     -------
@@ -208,6 +209,8 @@ def read_dof_list(path: Path) -> DofTable:
     if not len(node):
         raise ReadError(f"{path}: the dof list is empty; it needs one node.component for each row of the matrix")
     nodes, components = np.array(node, dtype=np.int64), np.array(component, dtype=np.int64)
+    if not nodes.all():
+        raise ReadError(f"{path}: there is a node 0, and nodes count from 1: number them anew, here and in the mesh")
     repeated = each_once(nodes * KEY_STEP + components).size < nodes.size
     # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
     expansion = expansion_beside(path) if repeated else None

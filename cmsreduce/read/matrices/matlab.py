@@ -51,7 +51,7 @@ def _matlab_matrices(path: Path) -> list[StoredMatrix]:
             found += _fields(path, name, _variable(path, name)[0, 0])
             continue
         usable = kind in _NUMERIC and len(shape) == 2
-        rows, cols = shape if len(shape) == 2 else (0, 0)
+        rows, cols = shape if usable else (0, 0)
         numbers = f"real {kind}" if kind in ("double", "single") else kind
         load = partial(_load, path, name) if usable else partial(_refuse, path, name, kind, shape)
         found.append(StoredMatrix(name, numbers, "", (rows, cols, None), load, usable))
@@ -69,6 +69,9 @@ def _fields(path: Path, name: str, values: Any) -> list[StoredMatrix]:
         elif kind is not None and len(array.shape) == 2 and array.size:
             load = partial(_load, path, f"{name}.{field}")
             found.append(StoredMatrix(f"{name}.{field}", kind, "", (*array.shape, None), load))
+        elif array.dtype == object:
+            refuse = partial(_refuse, path, f"{name}.{field}", "cell", array.shape)
+            found.append(StoredMatrix(f"{name}.{field}", "cell", "", (0, 0, None), refuse, usable=False))
     return found
 
 

@@ -29,6 +29,7 @@ _LARGEST_RATIO = 1032
 _LONGEST_HEADER = 1 << 16
 _SPARSE = {"format", "shape", "data"}  # members that save_npz writes for every layout
 _INDICES = {"row", "col", "indices", "indptr", "offsets"}  # members of some layouts
+_ENTRIES = {*_INDICES, "data", "rows", "cols", "columns", "values"}  # of a sparse matrix that numpy saved
 _NAMES = {"f2": "real half", "f4": "real single", "f8": "real double", "c8": "complex single", "c16": "complex double"}
 
 
@@ -78,8 +79,10 @@ def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix
         array = array.real
         dtype = np.dtype(array.dtype)
     if array.ndim != 2:
-        diagonal = "; save a lumped mass as a diagonal matrix (numpy.diag)" if array.ndim == 1 else ""
-        raise ReadError(f"{path}: '{name}' has {array.ndim} dimensions, a matrix has 2{diagonal}")
+        step = "; save a lumped mass as a diagonal matrix (numpy.diag)" if array.ndim == 1 else ""
+        if name in _ENTRIES:
+            step = "; save the entries of a sparse matrix with scipy.sparse.save_npz"
+        raise ReadError(f"{path}: '{name}' has {array.ndim} dimensions, a matrix has 2{step}")
     rows, cols = array.shape
     check_size(path, name, rows, cols, path.stat().st_size)
     rounding = max(DOUBLE, float(np.finfo(dtype).eps) / 2) if dtype.kind == "f" else DOUBLE

@@ -106,13 +106,20 @@ def test_dof_list_beside_gives_labels_and_size(tmp_path: Path) -> None:
     assert given.dofs.labels == ["1.1", "1.2", "1.3"]
 
 
-@pytest.mark.parametrize("names", ["UX ROTZ", "Dx drz", "U1 UR3", "x rz", "TX RZ"])
+@pytest.mark.parametrize("names", ["UX ROTZ", "Dx drz", "U1 UR3", "x rz", "TX RZ", "01 06"])
 @pytest.mark.parametrize("pattern", ["{n} {c}", "N{n}\t{c}", "{n}, {c}", "{n}.{c}"])
 def test_dof_list_of_names(tmp_path: Path, names: str, pattern: str) -> None:
     path = tmp_path / "rows.txt"
     path.write_text("# rows\n" + "\n".join(pattern.format(n=12, c=name) for name in names.split()) + "\n\x1a")
     assert read_rows(path).labels == ["12.1", "12.6"]
     assert file_kind(path).name == "dofs"
+
+
+@pytest.mark.parametrize("text", ["0.1\n0.2\n1.1\n", "0,DX\n0,DY\n1,DX\n"])
+def test_a_list_of_nodes_that_count_from_0_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "rows.txt").write_text(text)
+    with pytest.raises(ReadError, match="there is a node 0, and nodes count from 1"):
+        read_rows(tmp_path / "rows.txt")
 
 
 def test_labels_of_two_instances_are_refused(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
+from cmsreduce.pipeline.drafts import draft_body
 from cmsreduce.read import detect_format, matrix_names, read_matrix
 
 K = np.array([[2.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 4.0e6, 0.0], [0.5, 0.0, 0.0]])
@@ -81,6 +82,15 @@ def test_single_and_complex(tmp_path: Path) -> None:
         read_matrix(path, "C")
     with pytest.raises(ReadError, match="'model' is a 1 x 2 cell, not a matrix"):
         read_matrix(path, "model")
+
+
+def test_matrices_in_a_cell_of_a_struct_are_named(tmp_path: Path) -> None:
+    """SDT has mass and stiffness as model.K{1} and model.K{2}; there was said to be no square matrix."""
+    cell = np.empty((1, 2), object)
+    cell[0, 0], cell[0, 1] = K, sp.csc_array(K)
+    scipy.io.savemat(tmp_path / "body.mat", {"model": {"K": cell, "DOF": np.array([[1.01], [1.02]])}})
+    with pytest.raises(ReadError, match=r"'model\.K' is a 1 x 2 cell, not a matrix; save the matrix as a variable"):
+        draft_body("b", [tmp_path / "body.mat"])
 
 
 def test_version_7_3(tmp_path: Path) -> None:

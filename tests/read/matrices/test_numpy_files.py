@@ -177,6 +177,14 @@ def test_array_of_three_dimensions(tmp_path: Path) -> None:
         read_matrix(tmp_path / "text.npy", "text")
 
 
+def test_entries_of_a_sparse_matrix_that_numpy_saved_are_named(tmp_path: Path) -> None:
+    """What EXTR_MATR of code_aster returns, saved by numpy; the message was about a lumped mass."""
+    np.savez(tmp_path / "K.npz", data=[2.0, -1.0], row=[0, 1], col=[0, 0])
+    for name in ("data", "row"):
+        with pytest.raises(ReadError, match=r"'\w+' has 1 dimensions, .* with scipy\.sparse\.save_npz"):
+            read_matrix(tmp_path / "K.npz", name)
+
+
 def test_headers_are_parsed_by_one_thread_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bodies are read at once; two headers at once ended a run in one of several thousand."""
     np.save(tmp_path / "body.npy", K)
