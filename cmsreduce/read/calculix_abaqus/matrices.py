@@ -39,7 +39,7 @@ _CONTINUED = re.compile(
 # Keywords of files that hold something else: decks, and substructures, whose lists of dofs read like entries.
 # The version of a gmsh file reads like one, too.
 _OTHER_KEYWORD = re.compile(
-    r"\s*(?:\*\s*(?:USER\s*ELEMENT|MATRIX(?=\s*,)|HEADING|PART|NODE|ELEMENT)|\$MeshFormat)\b", re.IGNORECASE
+    r"\s*(?:\*\s*(?:USER\s*ELEMENT|MATRIX(?=\s*,)|HEADING|PART|NODE|ELEMENT|KEYWORD)|\$MeshFormat)\b", re.IGNORECASE
 )
 _FACTOR = re.compile(rb"SCALEFACTOR=([^,\n]*)")
 # SDT writes dof 3 of node 12 as 12.03.
