@@ -105,8 +105,19 @@ def prove_mass_order(body: FEModel) -> MassOrder:
                 f"at {both.size} of {ids.size} nodes the mass couples other nodes than the stiffness (node "
                 f"{ids[both[0]]} and others), as masses spread over nodes do, so that pairs do not show its order",
             )
-    if beyond.nnz and (moved := rows_among_others(body.M, body.dofs.component, node, case.any_stiff, share)).size:
-        refuse_rows(body, moved)
+    if beyond.nnz:
+        moved, apart = rows_among_others(body.M, body.dofs.component, node, case.any_stiff, share)
+        if moved.size:
+            refuse_rows(body, moved)
+        if apart.size:
+            return MassOrder(
+                "mixed",
+                pairs,
+                ids.size,
+                alike,
+                f"{apart.size} rows of the mass ({body.dofs.labels[apart[0]]} and others) couple other nodes than the "
+                "other rows of their node, as rows of one component in another order do, so that pairs do not show it",
+            )
     extra = f"; {beyond.nnz // 2} pairs are coupled by mass alone" if beyond.nnz else ""
     found = f"the mass couples the {pairs} pairs of nodes that the stiffness couples{extra}"
     if alike:

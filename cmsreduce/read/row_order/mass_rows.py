@@ -23,12 +23,14 @@ Indices = NDArray[np.int64]
 _FEWEST = 2
 _TRANSLATIONS = 3
 _NAMED = 5
+# Pairs of a row and a node that are looked at together.
+_PAIRS = 10_000_000
 
 
 def rows_among_others(
     M: sp.csc_array, component: NDArray[np.integer], node: Indices, around: sp.csr_array, share: float
-) -> Indices:
-    """Rows of the mass that couple the nodes around another node, whose row of this component does so, too.
+) -> tuple[Indices, Indices]:
+    """Rows of the mass that couple nodes farther away than the stiffness does.
 
     Parameters
     ----------
@@ -40,6 +42,14 @@ def rows_among_others(
         Pairs of nodes that the stiffness couples, of ones.
     share : float
         Entries below this share of the masses of both rows are rounding.
+
+    Returns
+    -------
+    exchanged : (k,) int64
+        Rows that couple the nodes around another node, whose row of this component does so, too.
+    apart : (m,) int64
+        Rows that do not couple all nodes around their own that other rows of it do, as those of a mass do that is
+        spread over nodes beside the mass of the elements.
     """
     n, count = node.size, around.shape[0]
     own, column = np.sqrt(abs(M.diagonal())), np.repeat(np.arange(M.shape[0]), np.diff(M.indptr))
@@ -52,20 +62,26 @@ def rows_among_others(
     near = sp.csr_array(around + sp.eye_array(count, dtype=np.int32, format="csr"))
     near.data[:] = 1
     many = np.diff(S.indptr)
-    expected = np.asarray(S.multiply(near[node]).sum(axis=1)).ravel()
+    fitting = sp.csr_array(S.multiply(near[node]))
+    expected = np.diff(fitting.indptr)
+    by_any = sp.csr_array(sp.csr_array((np.ones(n, np.int32), (node, np.arange(n))), shape=(count, n)) @ fitting)
     # Rows beside others of their node that couple what the stiffness does.
     sound = np.bincount(node, expected > 0, count) > 0
     alien = np.flatnonzero((many >= _FEWEST) & (expected < many) & sound[node] & (component != SCALAR))
+    apart = alien[expected[alien] < np.diff(by_any.indptr)[node[alien]]]
     if alien.size < _FEWEST:
-        return alien[:0]
-    fits = sp.coo_array(S[alien] @ near)
-    whole = fits.data == many[alien[fits.row]]
-    own_place = component[alien].astype(np.int64) * count + node[alien]
-    row, place = fits.row[whole], component[alien[fits.row[whole]]].astype(np.int64) * count + fits.col[whole]
-    taken = np.isin(place, own_place)
-    row, place = row[taken], place[taken]
+        return alien[:0], apart
+    own_place, cell = component[alien].astype(np.int64) * count + node[alien], component[alien].astype(np.int64) * count
+    row, place = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    pairs = np.cumsum(S[alien] @ np.diff(near.indptr).astype(np.int64))
+    for part in np.split(np.arange(alien.size), np.flatnonzero(np.diff(pairs // _PAIRS)) + 1):
+        fits = sp.coo_array(S[alien[part]] @ near)
+        whole = fits.data == many[alien[part[fits.row]]]
+        at, to = part[fits.row[whole]], cell[part[fits.row[whole]]] + fits.col[whole]
+        taken = np.isin(to, own_place)
+        row, place = np.append(row, at[taken]), np.append(place, to[taken])
     # A row that took the place of another one left its own to a third.
-    return np.asarray(alien[np.unique(row[np.isin(own_place[row], place)])])
+    return np.asarray(alien[np.unique(row[np.isin(own_place[row], place)])]), apart
 
 
 def refuse_rows(body: FEModel, rows: Indices) -> NoReturn:

@@ -15,6 +15,7 @@ from cmsreduce.read import prove_mass_order
 from tests.frames import frame, line
 from tests.pipeline.bodies.decks import bar_cards
 from tests.pipeline.bodies.test_body_proofs import opened, proof_of
+from tests.solids import block
 
 BENT = [[0.1 * i, round(0.002 * i * i, 4), round(3e-5 * i**3, 5)] for i in range(15)]
 CHAIN = [(i, i + 1) for i in range(1, 15)]
@@ -50,6 +51,40 @@ def test_a_rotation_in_the_order_of_other_nodes_is_refused(name: str) -> None:
     order[4::6] = np.random.default_rng(0).permutation(order[4::6])
     with pytest.raises(DofMapError, match="not in the order of the stiffness"):
         prove_mass_order(with_mass_rows(body, order))
+
+
+def test_rows_are_looked_at_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pairs of rows and nodes of a large body do not fit in memory at once."""
+    body = BODIES["tower"]
+    order = np.arange(body.n)
+    order[4::6] = np.random.default_rng(0).permutation(order[4::6])
+    found = []
+    for pairs in (10, 10_000):
+        monkeypatch.setattr("cmsreduce.read.row_order.mass_rows._PAIRS", pairs)
+        with pytest.raises(DofMapError) as caught:
+            prove_mass_order(with_mass_rows(body, order))
+        found.append(str(caught.value))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("components", [(1,), (3,), (2, 3)])
+@pytest.mark.parametrize("seed", range(3))
+def test_one_component_in_any_order_is_not_proven(components: tuple[int, ...], seed: int) -> None:
+    """The other rows of a node still couple all pairs of nodes that the stiffness couples: 3 to 27 % of a frequency."""
+    body = block("part", (1.5, 0.5, 0.75), (6, 2, 2), held=range(1, 10))
+    shuffled, order = np.random.default_rng(seed).permutation(54), np.arange(body.n)
+    for component in components:
+        order[component - 1 :: 3] = order[component - 1 :: 3][shuffled]
+    found = prove_mass_order(with_mass_rows(body, order))
+    assert found.status == "mixed" and "couple other nodes than the other rows of their node" in found.remark
+
+
+def test_mass_between_far_nodes_in_one_direction_is_sound() -> None:
+    body = block("part", (1.5, 0.5, 0.75), (6, 2, 2), held=range(1, 10))
+    rows = body.dofs.rows([12, 60], [3, 3])
+    more = sp.csc_array((np.full(4, 0.3), (np.repeat(rows, 2), np.tile(rows, 2))), shape=body.M.shape)
+    found = prove_mass_order(replace(body, M=sp.csc_array(body.M + more)))
+    assert found.status == "proven" and "1 pairs are coupled by mass alone" in found.remark
 
 
 @pytest.mark.parametrize(("name", "xyz", "bars"), [("bent", BENT, CHAIN), ("tower", TOWER, EDGES)])
