@@ -94,6 +94,14 @@ class FileKind:
     step: str = ""
 
 
+_PROGRAMS = {
+    (".odb", ".sim", ".fil", ".cae"): "Abaqus writes matrices as text with *MATRIX GENERATE and *MATRIX OUTPUT",
+    (".db", ".mechdb", ".mechdat", ".wbpj"): "ANSYS writes matrices with HBMAT (Mapping = YES), or *SMAT and *EXPORT",
+    (".h3d", ".xdb", ".master", ".dball", ".fem"): "PARAM,EXTOUT,DMIGPCH of NASTRAN and OptiStruct writes matrices",
+    (".mnf", ".fbi", ".rfi"): "Start from the matrices and the deck of the finite-element program",
+}
+"""What to do with a file of no known content, by the end of its name, as programs write them."""
+
 _OWN = {
     "component": ("a component file of cmsreduce, a body that is reduced already", f"{REDUCED}; {_INSPECT}"),
     "system": ("the assembled reduced system that cmsreduce wrote", _INSPECT),
@@ -152,6 +160,9 @@ def file_kind(path: Path) -> FileKind:
     start = head.lstrip()[:24].decode("ascii", "backslashreplace")
     words = f"of no known format; it starts with {' '.join(start.split())!r}"
     lists = "if it lists the rows of one, write node.component, one a line"
+    for ends, step in _PROGRAMS.items():
+        if path.suffix.lower() in ends:
+            return FileKind("unknown", words, step=step)
     return FileKind("unknown", words, step=f"If it holds matrices: {SAVE.format()}; {lists}")
 
 

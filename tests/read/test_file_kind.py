@@ -149,6 +149,14 @@ def test_tables_of_numbers_are_refused_with_what_to_write(tmp_path: Path, text: 
             read(tmp_path / "K.csv")
 
 
+@pytest.mark.parametrize(("name", "step"), [("job.odb", "*MATRIX GENERATE"), ("a.H3D", "DMIGPCH"), ("b.db", "HBMAT")])
+def test_files_of_programs_that_are_not_read_name_what_to_write(tmp_path: Path, name: str, step: str) -> None:
+    (tmp_path / name).write_bytes(b"HKSRD0\0\1\2")
+    assert file_kind(tmp_path / name).name == "unknown"
+    done = CliRunner().invoke(main, ["inspect", str(tmp_path / name)])
+    assert done.exit_code == 2 and step in done.stderr
+
+
 def test_meshes_of_numbers_alone_are_meshes(tmp_path: Path) -> None:
     """TetGen's nodes and elements look like tables; meshio finds them by their names."""
     (tmp_path / "a.node").write_text("4 3 0 0\n1 0. 0. 0.\n2 1. 0. 0.\n3 0. 1. 0.\n4 0. 0. 2.\n")

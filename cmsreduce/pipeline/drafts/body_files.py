@@ -13,6 +13,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.pipeline.drafts.matrix_roles import Candidate, matrices_of, stiffness_and_mass
 from cmsreduce.read import (
     FORMATS,
+    GEOMETRY_FORMATS,
     FileKind,
     Geometry,
     LabelledMatrix,
@@ -26,7 +27,7 @@ from cmsreduce.read import (
 __all__ = ["bodies_of_files", "body_names", "deck_beside"]
 
 # An input file of CalculiX has more than its results; what else has nodes comes in alphabetical order.
-_SUFFIXES_OF_DECKS = (".inp", ".bdf", ".dat", ".nas")
+_SUFFIXES_OF_DECKS = (".inp", ".bdf", ".dat", ".nas", ".fem")
 
 
 def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
@@ -90,7 +91,13 @@ def _bodies(name: str, kinds: Mapping[Path, FileKind], read: Mapping[Path, Geome
         reasons = [one.words for _, each in found.values() for one in each if not one.length]
         given = ", ".join(f"{path} ({kind.words})" for path, kind in kinds.items())
         given += "".join(f" (left out: {reason})" for reason in reasons)
-        raise ReadError(f"no square matrix in the files given: {given}; name the stiffness and the mass: {command}")
+        known = (GEOMETRY_FORMATS[kind.geometry] for kind in kinds.values() if kind.geometry in GEOMETRY_FORMATS)
+        written = "".join(
+            f". {words[0].upper()}{words[1:]}" for words in dict.fromkeys(each.matrices for each in known)
+        )
+        raise ReadError(
+            f"no square matrix in the files given: {given}; name the stiffness and the mass: {command}{written}"
+        )
     if len(shapes) < 2:
         every, copies = _each_once(sources)
         shape = geometries[shapes[0]] if shapes else None

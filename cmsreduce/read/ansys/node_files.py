@@ -62,5 +62,6 @@ NODE_FILE = GeometryFormat(
     lambda head: binary_kind(head[:12].encode("latin-1")) == RESULT or _NODE_BLOCK.search(head) is not None,
     _read_nodes,
     lambda path: cells_of(path, _arrays(path)),
+    "name the .full file, or the text files of HBMAT (Mapping = YES) or of *SMAT and *EXPORT",
     length=_stated_length,
 )

@@ -326,7 +326,7 @@ def _is_bulk_data(head: str) -> bool:
     return "\0" not in head and (is_listing(head) or (_BULK_DATA.search(head) is not None and not _PAGE.match(head)))
 
 
-_MATRICES = "name the OP4, OP2 or DMIG punch file that the run of the deck wrote"
+_MATRICES = "name the OP4, OP2 or punch file that the run of the deck wrote (PARAM,EXTOUT,DMIGPCH or EXTSEOUT)"
 BULK_DATA = GeometryFormat(
     "bulk",
     "NASTRAN bulk data",
