@@ -208,12 +208,14 @@ def read_bulk(path: Path, superelement: int | None = None) -> BulkDeck:
     cards = _section(found, superelement)
     nodes, points, held = read_points(cards)
     constrained, remarks = constrained_dofs(cards, found.case_control, points)
-    dependent, more = dependent_dofs(cards, found.case_control, points)
+    named = named_sets(cards, points)
+    kept = joined_keys([keys for letter, keys in named.items() if letter != "o"])
+    dependent, more = dependent_dofs(cards, found.case_control, points, kept)
     return BulkDeck(
         path,
         nodes,
         points.scalars,
-        named_sets(cards, points),
+        named,
         joined_keys([constrained, held]),
         dependent,
         (*remarks, *more),

@@ -20,6 +20,7 @@ from cmsreduce.read.nastran.dof_sets import (
     drop_trailing_reals,
     id_ranges,
     joined_keys,
+    keys_without,
 )
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_grids, scalar_points
 
@@ -31,17 +32,18 @@ Equation = tuple[Keys, Keys, Array]
 
 _UNREAD = ("RSPLINE", "RTRPLT", "RTRPLT1", "RSSCON", "RBE2GS", "GENEL")
 _RIGID = ("RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RJOINT", "RROD")
-DEPENDENCE_CARDS = frozenset({*_UNREAD, *_RIGID, "MPC", "MPCADD"})
+DEPENDENCE_CARDS = frozenset({*_UNREAD, *_RIGID, "MPC", "MPCADD", "PARAM"})
 """Cards that these functions use."""
 
 # Of the largest motion: independent dofs that leave a rigid motion open by less do not determine it.
 _DETERMINED = 1e-9
 
 
-def dependent_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -> tuple[Keys, list[str]]:
+def dependent_dofs(cards: Cards, case: Sequence[str] | None, points: Points, kept: Keys) -> tuple[Keys, list[str]]:
     """Dofs that rigid elements and multipoint constraints make dependent, and remarks.
 
-    RBE1, RBE2, RBE3, RBAR, RBAR1, RJOINT, RROD and MPC are read; a remark names other rigid elements.
+    RBE1, RBE2, RBE3, RBAR, RBAR1, RJOINT, RROD and MPC are read; a remark names other rigid elements. With
+    PARAM,AUTOMSET,YES the run chooses others in place of those ``kept`` by cards of the analysis set.
     """
     parts = [_dependent_of(card, points) for name in _RIGID for card in cards.get(name, ())]
     constraints, remarks = cards_in_force(cards, case, "MPC")
@@ -51,7 +53,12 @@ def dependent_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -> 
         for name in _UNREAD
         if name in cards
     ]
-    return joined_keys(parts), remarks
+    found = joined_keys(parts)
+    chosen = any(card.text(0).upper() == "AUTOMSET" and card.text(1) == "YES" for card in cards.get("PARAM", ()))
+    if chosen and (own := keys_without(found, kept)).size < found.size:
+        remarks.append("PARAM,AUTOMSET,YES: the run chose the dependent dofs, so that its sets n and f are not known")
+        return own, remarks
+    return found, remarks
 
 
 def independent_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -> list[Keys]:

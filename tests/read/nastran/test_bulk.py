@@ -144,6 +144,17 @@ def test_dependent_dofs(tmp_path: Path, cards: list[str], expected: str) -> None
     assert found.sizes()["n"] == found.sizes()["f"] == 28 - len(expected.split())
 
 
+@pytest.mark.parametrize(
+    ("chosen", "dependent", "n"), [("YES", "3.1 3.2 3.3", 25), ("NO", "2.1 2.2 2.3 3.1 3.2 3.3", 22)]
+)
+def test_dofs_that_the_run_keeps_are_not_dependent(tmp_path: Path, chosen: str, dependent: str, n: int) -> None:
+    """With PARAM,AUTOMSET,YES the run makes others dependent; matrices of an aircraft on RBE3 were refused."""
+    found = deck(tmp_path, *POINTS, f"PARAM,AUTOMSET,{chosen}", "RBE2,9,1,123,2,3", "ASET1,123456,1,2")
+    assert labels(found, "m") == dependent and found.sizes()["n"] == n
+    assert labels(found, "a") == " ".join(f"{node}.{component}" for node in (1, 2) for component in range(1, 7))
+    assert [text[:15] for text in found.remarks] == (["PARAM,AUTOMSET,"] if chosen == "YES" else [])
+
+
 def test_rigid_elements_that_are_not_read_are_told(tmp_path: Path) -> None:
     assert deck(tmp_path, *POINTS, "RSPLINE,9,.1,1,2,123456,3").remarks == (
         "1 RSPLINE cards are not understood: their dependent dofs stay in the sets n, f and a",

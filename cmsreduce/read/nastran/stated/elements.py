@@ -134,6 +134,11 @@ class Elements:
         """Materials by number."""
         return materials_of(self.cards)
 
+    @cached_property
+    def anisotropic(self) -> dict[int, Card]:
+        """Cards of MAT2 and MAT8 by number."""
+        return {card.integer(0): card for name in ("MAT8", "MAT2") for card in self.cards.get(name, ())}
+
     @property
     def bars(self) -> tuple[Bar, ...]:
         """Bars, beams and rods whose section is known."""

@@ -159,17 +159,16 @@ def _plane(number: int, elements: Elements) -> Array:
     NotCountedError
         If there is no such material, or it has no stiffness.
     """
-    for card in elements.cards.get("MAT2", ()):
-        if card.integer(0) == number:
-            a, b, c, d, e, f = (card.real(k) for k in range(1, 7))
-            return np.array([[a, b, c], [b, d, e], [c, e, f]])
-    for card in elements.cards.get("MAT8", ()):
-        if card.integer(0) == number:
-            E1, E2, nu, G = (card.real(k) for k in range(1, 5))
-            if not (E1 > 0 and E2 > 0 and nu**2 * E2 < E1):
-                raise NotCountedError
-            along = E1 / (1 - nu**2 * E2 / E1)
-            return np.array([[along, nu * along * E2 / E1, 0], [nu * along * E2 / E1, along * E2 / E1, 0], [0, 0, G]])
+    card = elements.anisotropic.get(number)
+    if card is not None and card.name == "MAT2":
+        a, b, c, d, e, f = (card.real(k) for k in range(1, 7))
+        return np.array([[a, b, c], [b, d, e], [c, e, f]])
+    if card is not None:
+        E1, E2, nu, G = (card.real(k) for k in range(1, 5))
+        if not (E1 > 0 and E2 > 0 and nu**2 * E2 < E1):
+            raise NotCountedError
+        along = E1 / (1 - nu**2 * E2 / E1)
+        return np.array([[along, nu * along * E2 / E1, 0], [nu * along * E2 / E1, along * E2 / E1, 0], [0, 0, G]])
     made = isotropic(number, elements.materials)
     found = made.E / (1 - made.nu**2) * np.array([[1, made.nu, 0], [made.nu, 1, 0], [0, 0, 0]])
     found[2, 2] = made.G
