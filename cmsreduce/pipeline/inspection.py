@@ -19,6 +19,7 @@ from cmsreduce.pipeline.bodies import (
     FlexibleBody,
     effective_masses,
     read_flexible,
+    read_rigid,
 )
 from cmsreduce.pipeline.execute import reopened_result
 from cmsreduce.pipeline.results import (
@@ -37,7 +38,7 @@ from cmsreduce.pipeline.results import (
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import collecting, diagnostic
 from cmsreduce.read import FileKind, Geometry, file_kind, matrix_names, read_rows, read_unmarked
-from cmsreduce.report import InspectedLine, check_line, health_lines
+from cmsreduce.report import InspectedLine, check_line, health_lines, rigid_words
 from cmsreduce.write import ComponentFile, read_component, summary
 
 __all__ = ["Inspected", "inspected"]
@@ -196,7 +197,7 @@ def _bodies(path: Path) -> Inspected:
         scene = build_scene(pipeline)
         for name, part in pipeline.components.items():
             if part.rigid is not None:
-                rows.append(InspectedLine(f"rigid, mass {part.rigid.mass:g}", name))
+                rows.append(InspectedLine(rigid_words(read_rigid(pipeline, name, scene)), name))
                 bodies[name] = {"rigid": True, "mass": part.rigid.mass}
                 continue
             found = _body(pipeline, name, scene)

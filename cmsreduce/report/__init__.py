@@ -36,7 +36,7 @@ from cmsreduce.report.terminal import (
     sweep_data,
 )
 from cmsreduce.report.verdict import meaning
-from cmsreduce.report.wording import number, numbers, place, worst_error
+from cmsreduce.report.wording import number, numbers, place, rigid_words, worst_error
 
 __all__ = [
     "DIFFERENCE_WIDTH",
@@ -67,6 +67,7 @@ __all__ = [
     "print_sweep",
     "render_report",
     "response_picture",
+    "rigid_words",
     "run_card",
     "run_pictures",
     "start_packing",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmsreduce.model import ERRORS, Finding, RunResult, SimulationCosts
+from cmsreduce.model import ERRORS, Finding, RigidBody, RunResult, SimulationCosts
 
 __all__ = [
     "CLOSE_MODES",
@@ -27,6 +27,7 @@ __all__ = [
     "per_cent",
     "place",
     "plural",
+    "rigid_words",
     "seconds",
     "simulation_words",
     "worst",
@@ -135,6 +136,21 @@ def numbers(values: ArrayLike, digits: int = 6) -> str:
     array = np.asarray(values, dtype=np.float64)
     size = float(abs(array).max(initial=0.0))
     return " ".join(number(0.0 if abs(value) < _ZERO * size else float(value), digits) for value in array)
+
+
+def rigid_words(body: RigidBody) -> str:
+    """Mass, centre of mass and moments of inertia of a rigid body.
+
+    Examples
+    --------
+    >>> rigid_words(RigidBody("hub", 6, np.array([0.06, 0, 0]), np.diag([3.0, 2.5, 2.0])))
+    'rigid, mass 6, centre of mass 0.06 0 0, inertia about it, xx yy zz xy xz yz: 3 2.5 2 0 0 0'
+    """
+    moments = numbers([*np.diag(body.inertia), *body.inertia[[0, 0, 1], [1, 2, 2]]])
+    return (
+        f"rigid, mass {number(body.mass, 9)}, centre of mass {numbers(body.cg)}, "
+        f"inertia about it, xx yy zz xy xz yz: {moments}"
+    )
 
 
 def per_cent(share: float, digits: int = 3) -> str:

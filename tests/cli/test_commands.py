@@ -11,6 +11,12 @@ from click.testing import CliRunner, Result
 
 from cmsreduce.cli import main
 
+LOCKED = [
+    "scene.joints.hinge.free=[]",
+    "scene.articulation=null",
+    "scene.actuators={push: {at: hub.cg, force: [0, 1, 1]}}",
+]
+
 
 def call(*args: object) -> Result:
     return CliRunner().invoke(main, [str(arg) for arg in args])
@@ -50,6 +56,23 @@ def test_a_broken_limit_exits_1_and_still_writes_everything(study: Path) -> None
     summary = json.loads((study.parent / "out" / "summary.json").read_text())
     assert summary["passed"] is False and summary["limits"] == {"frf_error": 1e-9}
     assert (study.parent / "out" / "arm.h5").is_file()
+
+
+@pytest.mark.parametrize(
+    ("changed", "rigid"),
+    [([], "7 rigid motions"), (["scene.ground=hub.back"], "1 rigid motion,"), (LOCKED, "6 rigid motions")],
+    ids=["as meant", "grounded", "hinge locked"],
+)
+def test_a_run_ends_with_the_figures_that_show_a_wrong_scene(study: Path, changed: list[str], rigid: str) -> None:
+    """Seven motions cost no force: six of the floating system, one of its hinge. A rigid body has its mass."""
+    more = [word for key in ["components.hub.rigid.mass=5000", *changed] for word in ("--set", key)]
+    result = call("run", study, *more)
+    system = next(line for line in result.stdout.splitlines() if line.startswith("system: "))
+    assert system.startswith(f"system: {rigid}") and "; first modes " in system
+    summary = json.loads((study.parent / "out" / "summary.json").read_text())
+    first = summary["system"][0]["frequencies_hz"][0]
+    assert f"first modes {first:.4g}" in system
+    assert re.search(r"^hub +rigid +5000 *$", result.stdout, re.MULTILINE)
 
 
 def test_balance_prints_every_ranking_of_every_mode(study: Path) -> None:
@@ -112,7 +135,8 @@ def test_inspect_says_what_is_in_files(finished: Path) -> None:
     assert "component 'panel', craig-bampton" in said and "6 rigid and 13 elastic modes" in said
     # Four bars of 0.2 m, 4 cm2, 2700 kg/m3 and a lump of 0.3 kg in the middle.
     assert "arm: 30 dofs, 6 rigid-body modes" in said and "mass 1.164, centre of mass 0.4 0 0" in said
-    assert "hub: rigid, mass 5" in said
+    assert "hub: rigid, mass 5, centre of mass -0.1 0 0.05, inertia about it" in said
+    assert "xx yy zz xy xz yz: 0.2 0.3 0.25 0.01 0 0\n" in said
 
 
 def test_inspect_goes_on_after_a_file_that_it_cannot_read(finished: Path) -> None:

@@ -16,6 +16,7 @@ from cmsreduce.model.results.measured import Measured
 from cmsreduce.model.results.reduction_checks import GainSum
 from cmsreduce.model.results.speed import Speed
 from cmsreduce.model.results.verdict import Proof, Verdict, judge
+from cmsreduce.model.rigid_body import RigidBody
 
 __all__ = ["RunResult"]
 
@@ -32,6 +33,8 @@ class RunResult(Measured):
         Version of cmsreduce.
     components : mapping of name to ComponentResult
         Flexible bodies.
+    rigid_bodies : tuple of RigidBody
+        In the scene's units.
     band : (float, float)
         In Hz.
     speed : Speed, optional
@@ -74,6 +77,7 @@ class RunResult(Measured):
     proofs: tuple[Proof, ...] = ()
     input_units: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
+    rigid_bodies: tuple[RigidBody, ...] = ()
 
     def __repr__(self) -> str:
         """Name, verdict, sizes and worst errors."""

@@ -190,6 +190,7 @@ def _result(run: Run) -> RunResult:
         margins=run.margins if verified is not None else (),
         between=verified.between if verified is not None else None,
         proofs=(run.stability,),
+        rigid_bodies=tuple(run.rigid_bodies.values()),
     )
 
 

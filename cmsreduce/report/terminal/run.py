@@ -23,6 +23,7 @@ from cmsreduce.report.wording import (
     number,
     per_cent,
     plural,
+    rigid_words,
     seconds,
     simulation_words,
     worst,
@@ -126,13 +127,15 @@ def _components(run: RunResult) -> Table:
 
 
 def _bodies(run: RunResult) -> Iterator[str]:
-    """Mass, centre of mass and first elastic frequency of each body: what a user compares with the model it is from."""
+    """Mass, centre and first mode of each body, inertia of a rigid one, to compare with the model that it is from."""
     for name, part in run.components.items():
         words = [f"{each.name} {each.words}" for each in part.health if each.key[0] == "mass_properties"][:2]
         hertz = part.modes.frequencies_hz[part.modes.elastic]
         words += [f"first elastic mode {number(float(hertz.min()), 6)} Hz"] if hertz.size else []
         if words:
             yield f"{name}: {', '.join(words)}"
+    for body in run.rigid_bodies:
+        yield f"{body.name}: {rigid_words(body)}"
 
 
 def _errors(run: RunResult) -> Table:

@@ -29,6 +29,8 @@ __all__ = ["print_screen", "print_verdict"]
 
 # Notes on the screen; more are in the report.
 _NOTES = 3
+# Elastic modes of the system that are named.
+_FIRST = 3
 # Letters of a line on the screen before it is cut.
 _LONG = 230
 # Columns of the table of bodies: the mass, and those that are left out where the screen is narrow.
@@ -54,6 +56,8 @@ def print_screen(run: RunResult, folder: Path, console: Console, made: Sequence[
     print_verdict(run, console, short=True)
     if run.components:
         console.print(_bodies(run, console))
+    for line in _system(run):
+        print_line(console, line)
     if run.configurations:
         console.print()
         console.print(_errors(run))
@@ -131,6 +135,7 @@ def _bodies(run: RunResult, console: Console) -> Table:
         kept = f"{part.kept_modes} of {part.modes.elastic_count}"
         checks = f"{len(failed)} FAIL" if failed else f"{len(part.checks)} PASS"
         rows.append([name, part.modes.method, str(part.full_dofs), kept, mass, first, highest, checks])
+    rows += [[body.name, "rigid", "", "", number(body.mass, 9), "", "", ""] for body in run.rigid_bodies]
     units = str(run.settings.get("scene", {}).get("units", "")).split("-")
     mass_head = f"mass, {units[1]}" if len(units) == len(("length", "mass", "time")) else "mass"
     heads = ("body", "method", "dofs", "modes kept", mass_head, "first mode", "highest kept", "checks")
@@ -144,6 +149,18 @@ def _bodies(run: RunResult, console: Console) -> Table:
         *map(figures, heads[_MASS + 1 :]),
     ]
     return table(*narrowed(columns, rows, console.width, _LEFT_OUT), edges=False)
+
+
+def _system(run: RunResult) -> Iterator[str]:
+    """What shows a ground, a hinge or a mass that is not as meant: rigid motions, and the first modes."""
+    found = [modes for modes in run.systems if modes.rigid_count or modes.frequencies_hz.size]
+    if not found:
+        return
+    counts = sorted({modes.rigid_count for modes in found})
+    rigid = plural(counts[0], "rigid motion") if len(counts) == 1 else f"{counts[0]} to {counts[-1]} rigid motions"
+    first = [number(float(hz)) for hz in found[0].frequencies_hz[:_FIRST]]
+    modes = f"first modes {', '.join(first)} Hz" if first else "no elastic mode in the band"
+    yield f"system: {rigid}, those of free joints included; {modes} at {found[0].configuration.name}"
 
 
 def _errors(run: RunResult) -> Table:
