@@ -71,7 +71,7 @@ def test_a_run_ends_with_the_figures_that_show_a_wrong_scene(study: Path, change
     assert system.startswith(f"system: {rigid}") and "; first modes " in system
     summary = json.loads((study.parent / "out" / "summary.json").read_text())
     first = summary["system"][0]["frequencies_hz"][0]
-    assert f"first modes {first:.4g}" in system
+    assert f"first modes {first:.4g}" in system and " % damping at " in system
     assert re.search(r"^hub +rigid +5000 *$", result.stdout, re.MULTILINE)
 
 

@@ -76,6 +76,8 @@ class SystemModes:
         Highest of all its frequencies; None for a system too large for all its modes.
     treated_hz : float, optional
         The same with costly modes treated statically; None if there are no costly modes.
+    zeta : (k,) float64, optional
+        Damping ratios of the elastic modes, by the diagonal of the damping.
     """
 
     configuration: Configuration
@@ -83,3 +85,4 @@ class SystemModes:
     frequencies_hz: NDArray[np.float64]
     highest_hz: float | None = None
     treated_hz: float | None = None
+    zeta: NDArray[np.float64] | None = None

@@ -25,6 +25,7 @@ from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline.bodies import damping_proof
 from cmsreduce.pipeline.results.health import UNBOUNDED, error_bar, health_table
 from cmsreduce.pipeline.results.mass_and_frame import frame_checks, frame_of
+from cmsreduce.pipeline.results.proportions import largest_extent, proportion_notes
 from cmsreduce.pipeline.results.simulation_cost import simulation_costs
 from cmsreduce.pipeline.results.step_advice import (
     advice_notes,
@@ -181,7 +182,12 @@ def _result(run: Run) -> RunResult:
         reference=verified.reference if verified else {},
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
         systems=systems,
-        notes=(*run.stages.notes, *coarse, *advice_notes(components, systems, run.scene.band[1], searched)),
+        notes=(
+            *run.stages.notes,
+            *coarse,
+            *_out_of_proportion(run),
+            *advice_notes(components, systems, run.scene.band[1], searched),
+        ),
         projection=None if run.projected is None else run.projected.record,
         search=run.choice.search,
         sensitivity=run.sensitivity,
@@ -192,6 +198,15 @@ def _result(run: Run) -> RunResult:
         proofs=(run.stability,),
         rigid_bodies=tuple(run.rigid_bodies.values()),
     )
+
+
+@diagnostic("the comparison of lengths", tuple)
+def _out_of_proportion(run: Run) -> tuple[str, ...]:
+    """Notes on lengths of rigid bodies and slides that no body of this size has."""
+    rigid = tuple(run.rigid_bodies.values())
+    meshes = [each.body.nodes.xyz for each in run.bodies.values() if each.body.nodes is not None]
+    held = [np.vstack([face.position for face in body.interfaces.values()]) for body in rigid if body.interfaces]
+    return tuple(proportion_notes(run.scene, largest_extent([*meshes, *held]), rigid))
 
 
 def _to_the_digits(proof: Proof, bars: Iterable[HealthFinding]) -> Proof:
@@ -261,7 +276,8 @@ def _system_modes(run: Run, configuration: Configuration, treated: AssembledMode
 @diagnostic("the table of frequencies in '{}'", about=lambda run, configuration, treated: configuration.name)
 def _frequencies(run: Run, configuration: Configuration, treated: AssembledModel | None) -> SystemModes | None:
     model = run.model.assembled
-    hertz = model.resonances(configuration).omega / (2 * np.pi)
+    resonances = model.resonances(configuration)
     system = model.system(configuration)
     static = None if treated is None else highest_frequency(treated, configuration)
-    return SystemModes(configuration, system.rigid.shape[1], hertz, highest_frequency(model, configuration), static)
+    hertz, highest = resonances.omega / (2 * np.pi), highest_frequency(model, configuration)
+    return SystemModes(configuration, system.rigid.shape[1], hertz, highest, static, resonances.zeta)

@@ -158,9 +158,12 @@ def _system(run: RunResult) -> Iterator[str]:
         return
     counts = sorted({modes.rigid_count for modes in found})
     rigid = plural(counts[0], "rigid motion") if len(counts) == 1 else f"{counts[0]} to {counts[-1]} rigid motions"
-    first = [number(float(hz)) for hz in found[0].frequencies_hz[:_FIRST]]
-    modes = f"first modes {', '.join(first)} Hz" if first else "no elastic mode in the band"
-    yield f"system: {rigid}, those of free joints included; {modes} at {found[0].configuration.name}"
+    first, modes = found[0], "no elastic mode in the band"
+    if first.frequencies_hz.size:
+        modes = f"first modes {', '.join(number(float(hz)) for hz in first.frequencies_hz[:_FIRST])} Hz"
+        if first.zeta is not None and first.zeta.any():
+            modes += f" with {', '.join(number(100 * float(zeta), 2) for zeta in first.zeta[:_FIRST])} % damping"
+    yield f"system: {rigid}, those of free joints included; {modes} at {first.configuration.name}"
 
 
 def _errors(run: RunResult) -> Table:
