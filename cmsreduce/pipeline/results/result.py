@@ -42,7 +42,7 @@ from cmsreduce.pipeline.results.views import (
 )
 from cmsreduce.pipeline.run import MODEL, Run
 from cmsreduce.pipeline.store import at_once, collecting, diagnostic, once
-from cmsreduce.pipeline.system import AssembledModel, highest_frequency
+from cmsreduce.pipeline.system import AssembledModel, highest_frequency, static_highest_frequency
 from cmsreduce.verify import frequency_error_bars, rigid_shapes
 
 __all__ = ["component_checks", "mode_count", "run_result", "with_failures"]
@@ -278,6 +278,6 @@ def _frequencies(run: Run, configuration: Configuration, treated: AssembledModel
     model = run.model.assembled
     resonances = model.resonances(configuration)
     system = model.system(configuration)
-    static = None if treated is None else highest_frequency(treated, configuration)
+    static = None if treated is None else static_highest_frequency(treated, configuration)
     hertz, highest = resonances.omega / (2 * np.pi), highest_frequency(model, configuration)
     return SystemModes(configuration, system.rigid.shape[1], hertz, highest, static, resonances.zeta)

@@ -147,9 +147,10 @@ def _advice(
                 "measures them, so compare frf_error before and after"
             )
         elif treated > _HIGHER * highest:
+            bound = "without bound" if treated == np.inf else f"to {treated:.4g} Hz"
             yield (
                 "static treatment of the modes that limit the step would raise the assembly's highest frequency from "
-                f"{highest:.4g} Hz to {treated:.4g} Hz, as joints would act on springs without mass: keep their mass"
+                f"{highest:.4g} Hz {bound}, as joints would act on springs without mass: keep their mass"
             )
         else:
             yield (

@@ -15,7 +15,12 @@ from cmsreduce.pipeline.system.peaks import peaks
 from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality, mass_products
 from cmsreduce.pipeline.system.reduction_health import UnitLoads, channel_gains, unit_loads
 from cmsreduce.pipeline.system.reference_model import ReferenceModel, Target
-from cmsreduce.pipeline.system.simulation_cost import highest_frequency, reduced_cost, selection_cost
+from cmsreduce.pipeline.system.simulation_cost import (
+    highest_frequency,
+    reduced_cost,
+    selection_cost,
+    static_highest_frequency,
+)
 from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy
 
 __all__ = [
@@ -39,6 +44,7 @@ __all__ = [
     "peaks",
     "reduced_cost",
     "selection_cost",
+    "static_highest_frequency",
     "stability_proof",
     "system_errors",
     "system_roots",

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from cmsreduce.balance import Selection
+from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import fastest_root
 from cmsreduce.mechanics import cost
@@ -25,6 +26,18 @@ _DENSE = 1500
 def highest_frequency(model: AssembledModel, configuration: Configuration) -> float | None:
     """Highest frequency of a model in Hz; None if it is too large for all its modes."""
     found = _highest_omega(model, configuration)
+    return None if found is None else found / (2 * np.pi)
+
+
+def static_highest_frequency(model: AssembledModel, configuration: Configuration) -> float | None:
+    """Highest frequency in Hz of a model whose costly modes are static; infinite where a combination has no mass.
+
+    Such a model is a proposal: where it cannot be solved, the matrices of the run are not at fault.
+    """
+    try:
+        found = _highest_omega(model, configuration)
+    except MatrixError:
+        return np.inf
     return None if found is None else found / (2 * np.pi)
 
 

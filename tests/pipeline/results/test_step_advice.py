@@ -14,11 +14,15 @@ import pytest
 import scipy.linalg as la
 from click.testing import CliRunner
 
+import cmsreduce as cms
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
-from cmsreduce.model import RoundingEffect
+from cmsreduce.errors import MatrixError
+from cmsreduce.model import Configuration, RoundingEffect
 from cmsreduce.pipeline import Run, Silent, execute
-from cmsreduce.pipeline.results.step_advice import advice_notes
+from cmsreduce.pipeline.results import result
+from cmsreduce.pipeline.results.step_advice import advice_notes, treated_model
+from cmsreduce.pipeline.system import AssembledModel
 from cmsreduce.write import TARGETS, convert
 from tests.pipeline.study import PANEL, write_study
 
@@ -157,6 +161,27 @@ def test_where_joints_take_the_gain_away_the_run_says_so(finished_study: Path) -
     assert max(each["integration"]["static_highest_hz"] for each in facts["system"]) > max(
         each["integration"]["highest_hz"] for each in facts["system"]
     )
+
+
+def test_a_proposal_that_cannot_be_solved_blames_no_matrix(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Static treatment of a long chain leaves combinations without mass, which rounding hides or shows."""
+
+    def unsolvable(run: Run, costly: object) -> AssembledModel:
+        model = treated_model(run, costly)
+        assert model is not None
+
+        def every_mode(self: AssembledModel, configuration: Configuration) -> None:
+            raise MatrixError("8 modes cannot be told apart: a combination of them has no mass")
+
+        model.__class__ = type("Unsolvable", (AssembledModel,), {"every_mode": every_mode})
+        return model
+
+    monkeypatch.setattr(result, "treated_model", unsolvable)
+    facts = cms.run(study, out=study.parent / "out").summary
+    assert facts["failures"] == [] and facts["passed"]
+    assert [each["integration"]["static_highest_hz"] for each in facts["system"]] == [None, None]
+    (note,) = (note for note in facts["notes"] if note.startswith("static treatment"))
+    assert "Hz without bound, as joints would act on springs without mass" in note
 
 
 def test_single_precision_is_reported_and_can_be_limited(finished_study: Path, opened: Callable[..., Run]) -> None:
