@@ -77,6 +77,19 @@ def _of_bar(start: bytes, end: bytes, s: Section) -> tuple[np.ndarray, np.ndarra
     return T.T @ K @ T, T.T @ M @ T
 
 
+def _assembled(rows: np.ndarray, parts: np.ndarray, n: int) -> sp.csc_array:
+    """Sum of the parts at their rows, (bars, 12) and (bars, 12, 12)."""
+    at = np.repeat(rows, 12, axis=1).ravel(), np.tile(rows, 12).ravel()
+    return sp.csc_array(sp.coo_array((parts.ravel(), at), shape=(n, n)))
+
+
+def _kept(A: sp.csc_array, keep: np.ndarray) -> sp.csc_array:
+    """Rows and columns that are kept, without entries that are zero."""
+    A = sp.csc_array(A if keep.all() else A[keep][:, keep])
+    A.eliminate_zeros()
+    return A
+
+
 def frame(
     name: str,
     xyz: Sequence[Sequence[float]],
@@ -95,21 +108,17 @@ def frame(
     (N, 3, 3) are the displacement frames; ``masses`` are point masses at nodes.
     """
     at = np.asarray(xyz, dtype=float)
-    n = 6 * len(at)
-    K, M = np.zeros((n, n)), np.zeros((n, n))
-    for i, j in bars:
-        k, m = beam_matrices(at[i - 1], at[j - 1], section)
-        rows = np.r_[6 * i - 6 : 6 * i, 6 * j - 6 : 6 * j]
-        K[np.ix_(rows, rows)] += k
-        M[np.ix_(rows, rows)] += m
+    rows = np.array([np.r_[6 * i - 6 : 6 * i, 6 * j - 6 : 6 * j] for i, j in bars]).reshape(-1, 12)
+    parts = np.array([beam_matrices(at[i - 1], at[j - 1], section) for i, j in bars]).reshape(-1, 2, 12, 12)
+    lumps = np.zeros(6 * len(at))
     for i, mass in (masses or {}).items():
-        M[range(6 * i - 6, 6 * i - 3), range(6 * i - 6, 6 * i - 3)] += mass
+        lumps[6 * i - 6 : 6 * i - 3] += mass
+    K = _assembled(rows, parts[:, 0], lumps.size)
+    M = _assembled(rows, parts[:, 1], lumps.size) + sp.diags_array(lumps)
     if axes is None:
         axes = np.tile(np.eye(3), (len(at), 1, 1))
     else:
-        T = np.zeros((n, n))
-        for i, A in enumerate(axes):
-            T[6 * i : 6 * i + 3, 6 * i : 6 * i + 3] = T[6 * i + 3 : 6 * i + 6, 6 * i + 3 : 6 * i + 6] = A
+        T = sp.block_diag(np.repeat(axes, 2, axis=0), format="csc")
         K, M = T @ K @ T.T, T @ M @ T.T
     node, component = np.repeat(np.arange(1, len(at) + 1), 6), np.tile(np.arange(1, 7), len(at))
     keep = ~np.isin(node, held)
@@ -120,8 +129,8 @@ def frame(
         faces[label] = Interface(label, ids, (tuple(parts),) * ids.size, at[ids - 1], axes[ids[0] - 1], axes[ids - 1])
     return FEModel(
         name,
-        sp.csc_array(K[np.ix_(keep, keep)]),
-        sp.csc_array(M[np.ix_(keep, keep)]),
+        _kept(K, keep),
+        _kept(M, keep),
         DofTable(node[keep], component[keep]),
         Nodes(np.arange(1, len(at) + 1), at, axes),
         faces,
