@@ -122,8 +122,8 @@ def test_a_new_pipeline_loads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_log_has_plain_lines(study: Path) -> None:
-    said = subprocess.run([*PROGRAM, "run", str(study), "--verbose"], capture_output=True, text=True, check=False)
-    assert said.returncode == 0, said.stderr
+    said = CliRunner().invoke(main, ["run", str(study), "--verbose"])
+    assert said.exit_code == 0, said.stderr
     lines = said.stderr.splitlines()
     assert all(re.fullmatch(r" *\d+\.\d\d s  \S.*", line) for line in lines)
     assert "\x1b" not in said.stderr + said.stdout and "\r" not in said.stderr + said.stdout

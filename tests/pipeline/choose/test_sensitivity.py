@@ -47,7 +47,9 @@ def test_each_case_is_what_a_run_of_its_own_keeps(opened: Callable[..., Run], ru
     assert record is not None
     found = {case.change: case.kept for case in record.cases}
     assert list(found) == ["damping x 0.2", "damping x 5", "without gyro", "without probe"]
-    for change, kept in found.items():
+    # Search or ranking, a change is made in one way for all rules.
+    some = found if "frf_error" in rule else {change: found[change] for change in ("damping x 5", "without gyro")}
+    for change, kept in some.items():
         damping = DAMPED.get(change, DAMPED["as it is"])
         run = opened(rule % "", *damping, *([SENSORS[change]] if change in SENSORS else []))
         assert kept is not None
