@@ -237,7 +237,7 @@ def test_a_full_disk_under_the_log_is_said_and_stops_nothing(study: Path, tmp_pa
     assert missing.startswith("error: none: ")
 
 
-@pytest.mark.parametrize("megabytes", [250, 400, 700, 1000, 1500])
+@pytest.mark.parametrize("megabytes", [250, 400, 700])
 def test_little_memory_ends_with_a_code(study: Path, tmp_path: Path, megabytes: int) -> None:
     """Some limits are enough; with others a part is left out, by name, or one message ends the run."""
 

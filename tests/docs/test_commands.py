@@ -45,7 +45,10 @@ SMALL = tuple(
     for word in ("--set", override)
 )
 # In the reader's file of the sample, for what is run from Python: one setting, which the pages name, and few points.
-FEWER = (("spin: [0, 45, 90, 225 deg], cone: [0, 30 deg]", "spin: [45 deg], cone: [30 deg]"), ("points: 400", "points: 40"))
+FEWER = (
+    ("spin: [0, 45, 90, 225 deg], cone: [0, 30 deg]", "spin: [45 deg], cone: [30 deg]"),
+    ("points: 400", "points: 40"),
+)
 # Limits of samples and examples may be broken on purpose; bad input may not.
 GOOD = {0, 1}
 

@@ -96,7 +96,7 @@ def test_a_change_redoes_what_depends_on_it(
 ) -> None:
     shutil.copy(study.parent / "arm.op4", study.parent / "moved.op4")
     run = opened(setting.replace("{folder}", str(study.parent)))
-    execute(run, study, report=False)
+    execute(run, study, until=None if setting.startswith(("write", "name")) else "verify", report=False)
     assert sorted(done(run)) == sorted(redone)
 
 
