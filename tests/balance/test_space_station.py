@@ -33,6 +33,11 @@ def by_quadrature(ch, out, band) -> float:
 def test_modes_for_one_per_cent(space_station, name, modes):
     order = np.argsort(-RANKINGS[name].coefficients(space_station), kind="stable")
     assert error(space_station, order[modes:], BAND) <= 0.01 < error(space_station, order[modes - 1 :], BAND)
+
+
+@pytest.mark.parametrize(("name", "modes"), [("gregory", 17), ("frequency", 107)])
+def test_the_error_is_an_integral_over_frequency(space_station, name, modes):
+    order = np.argsort(-RANKINGS[name].coefficients(space_station), kind="stable")
     closed, summed = (f(space_station, order[modes:], BAND) for f in (error, by_quadrature))
     assert closed == pytest.approx(summed, rel=2e-3)
 
