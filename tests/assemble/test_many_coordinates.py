@@ -71,7 +71,8 @@ def chain(springs: np.ndarray) -> System:
 @pytest.mark.parametrize("digits", [5, 7])
 def test_modes_are_orthogonal_to_rigid_motions_that_few_digits_resist(digits):
     system = chain(np.random.default_rng(0).uniform(0.3, 1.7, 799))
-    K = np.vectorize(lambda value: float(f"{value:.{digits - 1}e}"))(system.K)
+    K, stiff = np.zeros_like(system.K), np.nonzero(system.K)
+    K[stiff] = [float(f"{value:.{digits - 1}e}") for value in system.K[stiff]]
     exact, w = (
         system_modes(replace(system, K=each, rounding=rounding), 0.05)[0]
         for each, rounding in ((system.K, 2.0**-53), (K, 0.5 * 10.0**-digits))
