@@ -14,7 +14,7 @@ import cmsreduce.pipeline.batch
 import cmsreduce.pipeline.drafts
 from cmsreduce.cli import main
 from cmsreduce.pipeline.store import DIAGNOSTICS
-from tests.pipeline.study import PANEL, PIPELINE, write_study
+from tests.pipeline.study import PIPELINE, RIGID_PANEL, write_study
 
 WORDS = "injected fault"
 # Diagnostics that a run calls also where verification and sensitivity are finished, by how their names begin.
@@ -28,15 +28,6 @@ MORE = """\
   checks: [static, gains, zeros, step]
   compare: {{plain: {{rank: frequency, keep: {{modes: 8}}}}}}
 """
-# A rigid panel: what a failure leaves of a run does not depend on the number of flexible bodies.
-ALONE = PIPELINE.replace("panel.6", "panel.end").replace(
-    PANEL,
-    """\
-  panel:
-    rigid: {{mass: 2.0, cg: [1.2, 0.1, 0.05], inertia: [0.05, 0.2, 0.2, 0, 0, 0]}}
-    interfaces: {{root: {{position: [0.8, 0, 0]}}, end: {{position: [1.75, 0.125, 0.05]}}}}
-""",
-)
 # Commands that reach diagnostics beside those of a run.
 OTHERS = {
     "the picture '{}'": "report",
@@ -79,7 +70,8 @@ def call(*args: object) -> Result:
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a study that uses every diagnostic, after a run."""
-    return made(tmp_path_factory.mktemp("whole"), ALONE, "[hdf5, nastran, mbsim, matlab, fmi], targets: [exudyn]")
+    # What a failure leaves of a run does not depend on the number of flexible bodies.
+    return made(tmp_path_factory.mktemp("whole"), RIGID_PANEL, "[hdf5, nastran, mbsim, matlab, fmi], targets: [exudyn]")
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ __all__ = [
     "CANTILEVER",
     "PANEL",
     "PIPELINE",
+    "RIGID_PANEL",
     "Log",
     "arm",
     "panel",
@@ -85,6 +86,16 @@ verify:
 write: {{formats: [hdf5]}}
 """
 )
+
+RIGID_PANEL = PIPELINE.replace("panel.6", "panel.end").replace(
+    PANEL,
+    """\
+  panel:
+    rigid: {{mass: 2.0, cg: [1.2, 0.1, 0.05], inertia: [0.05, 0.2, 0.2, 0, 0, 0]}}
+    interfaces: {{root: {{position: [0.8, 0, 0]}}, end: {{position: [1.75, 0.125, 0.05]}}}}
+""",
+)
+"""The study with one flexible body."""
 
 CANTILEVER = (
     """\
