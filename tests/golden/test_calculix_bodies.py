@@ -367,6 +367,17 @@ def test_hourglass_stiffness_of_shells_and_beams_is_named(tmp_path, kind, other)
     assert prove_row_order(read(tmp_path)).motions == 6
 
 
+@pytest.mark.parametrize(("cells", "warp", "offset"), [((2, 2), 0.281, 0.117), ((2, 3), 0.22, -0.5)])
+def test_hourglass_stiffness_between_knots_is_named(tmp_path, cells, warp, offset):
+    """A shell so warped that CalculiX joins its solids by a knot at every node, which brings forces to others."""
+    deck = Deck().plate("S4R", cells, (0, 0, 0), (1, 0, 0), (0, 0.4, 0))
+    deck.nodes = {(k, x, y, warp * (x * y + np.sin(3 * x) / 2)): n for (k, x, y, _), n in deck.nodes.items()}
+    text = deck.text().replace("*SHELL SECTION,", f"*SHELL SECTION, OFFSET={offset},")
+    solve(tmp_path, "bar", text, matrices=True)
+    with pytest.raises(CmsReduceError, match=r"\d S4R .* probably make these forces.*again with S8R or S4 in"):
+        read(tmp_path)
+
+
 @pytest.mark.parametrize("bound", ["mass", "rigid"])
 def test_hourglass_stiffness_beside_constraints_is_named(tmp_path, bound):
     """A mass on a shell, or a rigid edge, brings forces of the elements to further rows; shuffled rows are none."""

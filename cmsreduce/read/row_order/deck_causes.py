@@ -45,15 +45,18 @@ def _hourglass_stiffness(case: Failure) -> str | None:
     parts, whole, count = hourglass_forces(deck, body.dofs, case.nodes, found.shapes)
     # Constraints and supports bring forces to nodes of their own; a few others show the cause.
     some = (loaded & whole).sum() >= _FEWEST_ROWS
-    if not parts or not (_explained(found, loaded, parts) or (some and _explained(found, loaded & whole, parts))):
+    sure = bool(parts) and (_explained(found, loaded, parts) or (some and _explained(found, loaded & whole, parts)))
+    knots = bool(parts) and not whole.any() and case.only_turning and found.relative[loaded].max() <= _BY_STRESS
+    if not sure and not knots:
         return None
     named = " and ".join(f"{number} {label}" for label, number in count.items())
     others = " and ".join(dict.fromkeys(_FULL.get(label, _FULL["C3D8R"]) for label in count))
     solids = "" if "C3D8R" in count else " (CalculiX makes C3D8R of them)"
+    said, more = ("make", "") if sure else ("probably make", "; knots bring them to other nodes")
     return (
-        f"elements: the {named} of {deck}{solids} make these forces, by the stiffness with which CalculiX holds their "
-        "hourglasses. Where opposite faces of such a solid are not parallel, as in a warped shell, it resists rigid "
-        f"rotation, in any order of the rows. Write the matrices again with {others} in their place"
+        f"elements: the {named} of {deck}{solids} {said} these forces, by the stiffness with which CalculiX holds "
+        f"their hourglasses{more}. Where opposite faces of such a solid are not parallel, as in a warped shell, it "
+        f"resists rigid rotation, in any order of the rows. Write the matrices again with {others} in their place"
     )
 
 
