@@ -178,7 +178,7 @@ def check_name(text: str) -> str:
         If it has other characters than letters, digits, _ and -.
     """
     if not _NAME.fullmatch(text):
-        raise ValueError(f"{text!r} is no name: use letters, digits, _ and -, without dots and blanks")
+        raise ValueError(f"{text!r} is no name: use letters a to z, digits, _ and -, without dots and blanks")
     return text
 
 
