@@ -189,14 +189,19 @@ def read_body(
                 if prove_row_order(build(table, {})).status != "trusted":
                     dofs = table
                     break
+
+    def built(named: Mapping[str, InterfaceSpec]) -> FEModel:
+        found = build(dofs, named)
+        if shape is not None and (followers := shape.sets.get("m")) is not None:
+            _check_rigid_elements_act(found, followers, matrices["stiffness"], shape)
+        return found
+
     try:
-        body = build(dofs, interfaces or {})
+        body = built(interfaces or {})
     except SceneError:
         # What is wrong with the files comes first: the draft of a body that cannot be read has a mount of no body.
-        prove_row_order(build(dofs, {}))
+        prove_row_order(built({}))
         raise
-    if shape is not None and (followers := shape.sets.get("m")) is not None:
-        _check_rigid_elements_act(body, followers, matrices["stiffness"], shape)
     try:
         return prove_row_order(body).estimated(body)
     except DofMapError as error:

@@ -382,3 +382,8 @@ def test_unsound_matrices_are_named_before_an_interface_without_a_node(tmp_path:
     deck = write(tmp_path / "b.bdf", grids(frame))
     with pytest.raises(MatrixError, match="or where a file was cut"):
         read_body("b", **files, geometry=deck, interfaces={"mount": InterfaceSpec(nodes=(1_000_000,))})
+    write(punch, dmig("K", frame.K.toarray(), labels) + dmig("M", frame.M.toarray(), labels))
+    assert frame.nodes is not None
+    write(deck, [*grids(frame), f"RBE2,9999,{frame.nodes.id[0]},123456,{frame.nodes.id[1]}"])
+    with pytest.raises(DofMapError, match=r"has rows of 6 dofs that rigid elements or MPCs of .* make dependent"):
+        read_body("b", **files, geometry=deck, interfaces={"mount": InterfaceSpec(nodes=(1_000_000,))})
