@@ -75,6 +75,23 @@ def test_a_run_ends_with_the_figures_that_show_a_wrong_scene(study: Path, change
     assert re.search(r"^hub +rigid +5000 *$", result.stdout, re.MULTILINE)
 
 
+def test_a_run_without_a_flexible_body_ends_with_the_mass_of_each_rigid_body(tmp_path: Path) -> None:
+    hub, arm = ("{rigid: {mass: %g, cg: [%g, 0, 0], inertia: [1, 1, 1, 0, 0, 0]}, interfaces: %s}",) * 2
+    hub %= 5, -0.1, "{face: {position: [0, 0, 0]}}"
+    arm %= 3e-3, 0.3, "{root: {position: [0, 0, 0]}}"
+    joints = "{hinge: {connect: [hub.face, arm.root], free: [ry]}}"
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        f"name: study\noutput: {tmp_path}/out\ncomponents: {{hub: {hub}, arm: {arm}}}\n"
+        f"scene: {{band: 60 Hz, joints: {joints}, "
+        "actuators: {motor: {joint: hinge, dof: ry}}, sensors: {gyro: {at: hub.cg, measure: [ry]}}}\n"
+    )
+    result = call("run", study)
+    assert result.exit_code == 0, result.stderr
+    assert re.findall(r"^(\w+) +rigid +(\S+) *$", result.stdout, re.MULTILINE) == [("hub", "5"), ("arm", "0.003")]
+    assert "system: 7 rigid motions" in result.stdout
+
+
 def test_balance_prints_every_ranking_of_every_mode(study: Path) -> None:
     out = study.parent / "ranked"
     result = call("run", study, "--until", "balance", "--out", out)

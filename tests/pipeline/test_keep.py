@@ -58,6 +58,13 @@ def test_no_elastic_modes_leave_rigid_bodies(opened: Callable[..., Run]) -> None
         np.testing.assert_allclose(run.model.assembled.response(configuration, w), rigid, rtol=1e-8)
 
 
+def test_no_elastic_modes_leave_a_whole_page(opened: Callable[..., Run], study: Path) -> None:
+    """The gains of no modes had no size."""
+    result = execute(opened("balance.keep={modes: 0}"), study)
+    assert result is not None and not result.failures
+    assert (study.parent / "out" / "report.html").is_file()
+
+
 def test_modes_by_fraction(opened: Callable[..., Run]) -> None:
     run = opened("balance.keep={fraction: 0.01}")
     for name, ranked in run.ranked.items():

@@ -93,7 +93,7 @@ def _gain(
 
 
 def _shares(values: NDArray[np.float64], scale: NDArray[np.float64], drawn: Sequence[int]) -> NDArray[np.float64]:
-    return np.asarray((values / scale).reshape(len(values), -1)[:, list(drawn)].T)
+    return np.asarray((values / scale).reshape(len(values), scale.size)[:, list(drawn)].T)
 
 
 def _projection(record: ProjectionRecord) -> dict[str, Any]:

@@ -54,7 +54,7 @@ def print_screen(run: RunResult, folder: Path, console: Console, made: Sequence[
         Wall time of the command in seconds.
     """
     print_verdict(run, console, short=True)
-    if run.components:
+    if run.components or run.rigid_bodies:
         console.print(_bodies(run, console))
     for line in _system(run):
         print_line(console, line)
