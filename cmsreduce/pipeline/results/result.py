@@ -204,7 +204,11 @@ def _result(run: Run) -> RunResult:
 def _out_of_proportion(run: Run) -> tuple[str, ...]:
     """Notes on lengths of rigid bodies and slides that no body of this size has."""
     rigid = tuple(run.rigid_bodies.values())
-    meshes = [each.body.nodes.xyz for each in run.bodies.values() if each.body.nodes is not None]
+    known = [each.body.nodes for each in run.bodies.values() if each.body.nodes is not None]
+    meshes = [nodes.xyz for nodes in known if len(nodes) > 1]
+    if len(meshes) < len(run.bodies):
+        # The largest body may be one without coordinates, or of one node and modes.
+        return ()
     held = [np.vstack([face.position for face in body.interfaces.values()]) for body in rigid if body.interfaces]
     return tuple(proportion_notes(run.scene, largest_extent([*meshes, *held]), rigid))
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import cmsreduce as cms
+from tests.pipeline.study import write_study
 
 # The panel of the study reaches from x = 0.8 m to 1.75 m.
 LENGTH = 0.95
@@ -47,3 +48,29 @@ def test_slides(study: Path, slide: float, named: bool) -> None:
     found = [note for note in notes if "check its unit" in note]
     beyond = f"300, {300 / LENGTH:.3g} times the size of the largest body: check its unit in `scene.articulation`"
     assert found == ([f"hinge.x: the slide in 'out' is {beyond}"] if named else [])
+
+
+def test_a_body_without_coordinates_may_be_the_largest(tmp_path: Path) -> None:
+    """The hub was called 122 times as large as "the largest body", which was the distance of its own interfaces."""
+    text = """\
+name: study
+output: {output}
+components:
+  arm:
+    stiffness: {{file: arm.op4, matrix: KAA}}
+    mass: {{file: arm.op4, matrix: MAA}}
+    rows: arm.txt
+    interfaces: {{root: {{node: 1}}}}
+  hub:
+    rigid: {{mass: 5.0, inertia: [2000, 3000, 3000, 0, 0, 0]}}
+    interfaces: {{face: {{position: [0, 0, 0]}}, back: {{position: [-0.2, 0, 0]}}}}
+scene:
+  band: 60 Hz
+  joints: {{weld: {{connect: [hub.face, arm.root]}}}}
+  actuators: {{push: {{at: hub.cg, force: [0, 1, 0]}}}}
+  sensors: {{probe: {{at: hub.cg, measure: [y]}}}}
+"""
+    study = write_study(tmp_path, text)
+    (tmp_path / "arm.txt").write_text("".join(f"{node}.{dof}\n" for node in range(1, 6) for dof in range(1, 7)))
+    notes = cms.run(study, out=tmp_path / "out").summary["notes"]
+    assert notes and not any("check its unit" in note for note in notes)
