@@ -54,6 +54,7 @@ from cmsreduce.read.stated import (
     StatedNodes,
     StatedPlates,
     are_affine,
+    integrals,
 )
 from cmsreduce.read.superelement import SuperelementMatrices, superelement_damping, superelement_matrices
 
@@ -86,6 +87,7 @@ __all__ = [
     "StatedNodes",
     "StatedPlates",
     "are_affine",
+    "integrals",
     "damping_order_doubt",
     "deck_statement",
     "detect_format",

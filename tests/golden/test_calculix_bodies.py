@@ -113,6 +113,22 @@ def test_solids_beside_supports(tmp_path, kind):
     assert wrong.state == "refuted" and "times that of the deck" in wrong.remark
 
 
+@pytest.mark.parametrize(("kind", "ends", "heavy"), [("C3D15", 2, False), ("C3D6", 1, True), ("C3D20R", 1, True)])
+def test_sound_masses_beside_supports(tmp_path, kind, ends, heavy):
+    """Away from both ends of three wedges all nodes have one share, and the others another; so has a point mass."""
+    deck = Deck().solid(kind, (2, 2, 3), (0.1, 0.15, 0.6))
+    held = (0.0, 0.6)[:ends]
+    deck.nset("ROOT", [n for key, n in deck.nodes.items() if key[3] in held])
+    deck.keywords += "*BOUNDARY\nROOT, 1, 3\n"
+    if heavy:
+        at = deck.node((0.1, 0.15, 0.2 if kind == "C3D6" else 0.1))
+        deck.keywords += f"*ELEMENT, TYPE=MASS, ELSET=LUMP\n9001, {at}\n*MASS, ELSET=LUMP\n5.\n"
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    found = read(tmp_path)
+    right, wrong = (mass_proof(found, tmp_path / "bar.inp", factor) for factor in (1.0, 1.1))
+    assert right.state != "refuted" and wrong.state == "refuted"
+
+
 @pytest.mark.parametrize("name", ["turned axes", "rigid", "rigid C3D8I", "equation", "tie"])
 def test_the_deck_states_the_mass_of_solids_on_constraints(tmp_path, name):
     solve(tmp_path, "bar", body(name, held=False), matrices=True)

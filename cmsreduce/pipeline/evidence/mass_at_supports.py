@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel
 from cmsreduce.pipeline.evidence.deck_agreement import EXACT
-from cmsreduce.read import SAME_PLACE, SOLIDS, StatedMass, StatedNodes, are_affine
+from cmsreduce.read import SAME_PLACE, SOLIDS, StatedMass, StatedNodes, are_affine, integrals
 
 __all__ = ["own_masses"]
 
@@ -21,6 +21,8 @@ Indices = NDArray[np.int64]
 
 # Nodes away from supports that show the share of their kind.
 _FEWEST = 3
+# Gauss points each way, exact for the shares of nodes; and their digits.
+_POINTS, _DIGITS = 3, 6
 
 
 def own_masses(
@@ -69,19 +71,26 @@ def own_masses(
 
 
 def _kinds(stated: StatedNodes, xyz: Array) -> Indices:
-    """Number (N,) of the kind of solid that each node is a corner of, or lies between corners of; -1 for all others."""
+    """Number (N,) of the kind of solid that each node belongs to, and of its share in it; -1 for all others.
+
+    The edges of a wedge from triangle to triangle have other shares than those around both.
+    """
     kind = np.full(len(xyz), -1, dtype=np.int64)
     several = ~stated.known | ~stated.solid | stated.barred
     if stated.plates is not None:
         several |= stated.plates.touch(np.ones(len(stated.plates.corners), dtype=bool), len(xyz))
-    for number, nodes in enumerate(stated.solids):
+    number = 0
+    for nodes in stated.solids:
         solid = next((each for each in SOLIDS.values() if len(each.places) == nodes.shape[1]), None)
         if solid is None:
             several[nodes] = True
             continue
         several[nodes[~are_affine(solid, xyz[nodes], SAME_PLACE)]] = True
-        for part, own in enumerate((nodes[:, : solid.corners], nodes[:, solid.corners :])):
-            several[own[~np.isin(kind[own], (-1, 2 * number + part))]] = True
-            kind[own] = 2 * number + part
+        shares = integrals(solid, solid.places[None], _POINTS).shares[0].round(_DIGITS)
+        for share in np.unique(shares):
+            own = nodes[:, shares == share]
+            several[own[~np.isin(kind[own], (-1, number))]] = True
+            kind[own] = number
+            number += 1
     kind[several] = -1
     return kind
