@@ -50,10 +50,8 @@ class Failure:
 
     def explains(self, dofs: DofTable | None = None, nodes: Nodes | None = None) -> bool:
         """True if the forces vanish with other row labels or another geometry."""
-        body = self.body
-        other = rigid_residual(
-            body.K, dofs or body.dofs, nodes or self.nodes, body.constrained, body.rounding, self.condensed
-        )
+        body, fixed = self.body, None if self.body.grounded else self.body.constrained
+        other = rigid_residual(body.K, dofs or body.dofs, nodes or self.nodes, fixed, body.rounding, self.condensed)
         if self.body.grounded or self.found.motions.shape[1] == 0:
             rows = other.excess > 1
             return 2 * np.unique(body.dofs.node[rows]).size < self.loaded.size
