@@ -24,6 +24,10 @@ _NO_FORCE = 1e-6
 _ALL = 6
 # Distance or motion relative to the size of the body: an exchange of closer nodes makes forces that may be round-off.
 _ONE_PLACE = 1e-5
+# Roundings of the file that add up over a row.
+_ROUNDINGS = 1e3
+# Condition of a block whose node has one place that makes a force vanish.
+_SURE = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +135,9 @@ def _sorted(body: FEModel, nodes: Nodes, A: sp.csc_array, found: RigidResidual) 
     whole = _whole(body, ids, A)
     wrong = resists & ~pushed & across & whole
     if wrong.any():
-        wrong[wrong] = ~_beside_supports(body, nodes, ids[wrong], A)
+        beside = _beside_supports(body, nodes, ids[wrong], A)
+        beside[beside] = ~_exchanged_around(body, ids[wrong][beside], A, found)
+        wrong[wrong] = ~beside
     proven = ~resists | (pushed & sprung) | (~pushed & ~across)
     return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong])
 
@@ -159,6 +165,46 @@ def _beside_supports(body: FEModel, nodes: Nodes, ids: NDArray[np.int64], A: sp.
     reach = _largest(away, np.searchsorted(ids, node), ids.size)
     nearest = cKDTree(nodes.xyz[held[held >= 0]]).query(place)[0]
     return np.asarray(nearest <= (1 + _ONE_PLACE) * reach)
+
+
+def _exchanged_around(
+    body: FEModel, ids: NDArray[np.int64], A: sp.csc_array, found: RigidResidual
+) -> NDArray[np.bool_]:
+    """True for nodes (k,) whose forces under rotation vanish if two nodes that they couple are exchanged.
+
+    Either node may be one that they do not couple: the place that makes the forces vanish is then that of some node.
+    """
+    # Imported here: it loads libraries that a body without such nodes does not need.
+    from scipy.spatial import cKDTree
+
+    exchanged, full = np.zeros(ids.size, dtype=np.bool_), each_once(body.dofs.node[body.dofs.component > 0])
+    rows = body.dofs.rows(full[:, None], np.arange(1, 4)).reshape(-1, 3)
+    full, rows = (each[(rows >= 0).all(axis=1)] for each in (full, rows))
+    if found.shapes.shape[1] < _ALL or not full.size:
+        return exchanged
+    shapes = found.shapes[rows][:, :, 3:]
+    places, by_row = cKDTree(shapes.reshape(-1, 9)), sp.csr_array(A)
+    limit = max(_NO_FORCE, _ROUNDINGS * body.rounding)
+    for k in np.flatnonzero(np.isin(ids, full)):
+        at = rows[np.searchsorted(full, ids[k])]
+        own, force = by_row[at], found.force[at][:, 3:]
+        coupled = each_once(body.dofs.node[own.indices])
+        near = np.minimum(np.searchsorted(full, coupled), full.size - 1)
+        near = near[full[near] == coupled]
+        blocks = own[:, rows[near].ravel()].toarray().reshape(3, -1, 3).transpose(1, 0, 2)
+        # Forces of the block of each node times the motion of another one in place of its own.
+        by = blocks[:, None] @ shapes[near]
+        none = limit * abs(by).max(axis=(2, 3)).diagonal().sum()
+        if abs(force).max() <= none:
+            continue
+        by -= by.diagonal().transpose(2, 0, 1)[:, None]
+        if (abs(force + by + by.swapaxes(0, 1)).max(axis=(2, 3)) <= none).any():
+            exchanged[k] = True
+            continue
+        sure = np.linalg.cond(blocks) < _SURE
+        wanted = shapes[near[sure]] - np.linalg.solve(blocks[sure], np.broadcast_to(force, (sure.sum(), 3, 3)))
+        exchanged[k] = np.any(places.query(wanted.reshape(-1, 9))[0] <= _ONE_PLACE)
+    return exchanged
 
 
 def _without_rows(dofs: DofTable) -> DofTable | None:

@@ -34,6 +34,31 @@ def held() -> FEModel:
     return block("held", [4, 1, 1], CELLS, held=face(CELLS, 0))
 
 
+@pytest.mark.parametrize(("cells", "edge"), [((8, 2, 2), False), ((8, 2, 2), True), ((5, 4, 4), True)])
+@pytest.mark.parametrize("far", [False, True])
+def test_an_exchange_near_supports_is_refused(cells: tuple[int, int, int], edge: bool, far: bool) -> None:
+    """Nodes around it are as near to a support as to nodes that they couple, as those of sound wedges beside one."""
+    index = 1 + np.arange(np.prod(np.array(cells) + 1)).reshape(np.array(cells) + 1)
+    fixed = (index[:, 0, 0] if edge else index[0]).ravel()
+    body = block("held", [1.6, 0.7, 0.5], cells, held=fixed)
+    body = replace(body, constrained=DofTable(np.repeat(fixed, 3), np.tile([1, 2, 3], fixed.size)), grounded=False)
+    assert prove_row_order(body).status == "proven"
+    near = index[1:, 1:, 1:] if edge else index[1:3]
+    for a, b in zip(near.ravel()[:-1:3], near.ravel()[1:][::-3] if far else near.ravel()[1::3], strict=False):
+        if a != b:
+            with pytest.raises(DofMapError, match="not proven"):
+                prove_row_order(exchanged(body, int(a), int(b)))
+
+
+@pytest.mark.parametrize("grounded", [False, True])
+def test_a_layer_held_from_below_has_no_other_order(grounded: bool) -> None:
+    """All nodes are beside supports; no motion leaves these at rest, which no order of the rows explains."""
+    fixed = (1 + np.arange(88).reshape(11, 4, 2))[:, :, 0].ravel()
+    body = block("held", [1.6, 0.7, 0.5], (10, 3, 1), held=fixed)
+    supports = DofTable(np.repeat(fixed, 3), np.tile([1, 2, 3], fixed.size))
+    assert prove_row_order(replace(body, constrained=supports, grounded=grounded)).status == "grounded"
+
+
 def sprung() -> FEModel:
     """Block on springs to ground at the corners of its first face."""
     body = block("sprung", [4, 1, 1], CELLS)
