@@ -62,13 +62,14 @@ def rows_among_others(
     near = sp.csr_array(around + sp.eye_array(count, dtype=np.int32, format="csr"))
     near.data[:] = 1
     many = np.diff(S.indptr)
-    fitting = sp.csr_array(S.multiply(near[node]))
-    expected = np.diff(fitting.indptr)
+    expected = np.asarray(S.multiply(near[node]).sum(axis=1)).ravel()
+    # Without their own node, which rotations couple with translations and an axis along a bar does not.
+    fitting = sp.csr_array(S.multiply(around[node]))
     by_any = sp.csr_array(sp.csr_array((np.ones(n, np.int32), (node, np.arange(n))), shape=(count, n)) @ fitting)
     # Rows beside others of their node that couple what the stiffness does.
     sound = np.bincount(node, expected > 0, count) > 0
     alien = np.flatnonzero((many >= _FEWEST) & (expected < many) & sound[node] & (component != SCALAR))
-    apart = alien[expected[alien] < np.diff(by_any.indptr)[node[alien]]]
+    apart = alien[np.diff(fitting.indptr)[alien] < np.diff(by_any.indptr)[node[alien]]]
     if alien.size < _FEWEST:
         return alien[:0], apart
     own_place, cell = component[alien].astype(np.int64) * count + node[alien], component[alien].astype(np.int64) * count

@@ -94,3 +94,14 @@ def test_sound_masses_are_proven(
     """The stiffness of the tower is that of the deck to the last bit."""
     found = opened(tmp_path, BODIES[name], bar_cards(bars, xyz))
     assert (proof_of(found, "mass").label, proof_of(found, "stiffness").label) == ("mass", "stiffness")
+
+
+@pytest.mark.parametrize("component", [1, 2, 3])
+def test_mass_added_along_one_axis_of_a_frame_is_sound(component: int) -> None:
+    """Every second node, as by water: at the end of a bar a rotation couples its own node, and the axis does not."""
+    body = frame("part", [[0.1 * i, 0, 0] for i in range(9)], [(i, i + 1) for i in range(1, 9)])
+    rows = body.dofs.rows(np.arange(1, 10, 2), [component] * 5)
+    V = np.random.default_rng(0).random((5, 5))
+    M = body.M.tolil()
+    M[np.ix_(rows, rows)] += 0.01 * body.M.diagonal().max() * V @ V.T
+    assert prove_mass_order(replace(body, M=sp.csc_array(M))).status == "proven"
