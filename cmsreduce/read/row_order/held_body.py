@@ -28,6 +28,8 @@ _ONE_PLACE = 1e-5
 _ROUNDINGS = 1e3
 # Condition of a block whose node has one place that makes a force vanish.
 _SURE = 1e6
+# Nodes around one whose exchanges are tried: those of dense matrices are too many.
+_MOST_AROUND = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +175,7 @@ def _exchanged_around(
     """True for nodes (k,) whose forces under rotation vanish if two nodes that they couple are exchanged.
 
     Either node may be one that they do not couple: the place that makes the forces vanish is then that of some node.
+    True, too, for nodes that couple too many others to try.
     """
     # Imported here: it loads libraries that a body without such nodes does not need.
     from scipy.spatial import cKDTree
@@ -191,6 +194,9 @@ def _exchanged_around(
         coupled = each_once(body.dofs.node[own.indices])
         near = np.minimum(np.searchsorted(full, coupled), full.size - 1)
         near = near[full[near] == coupled]
+        if near.size > _MOST_AROUND:
+            exchanged[k] = True
+            continue
         blocks = own[:, rows[near].ravel()].toarray().reshape(3, -1, 3).transpose(1, 0, 2)
         # Forces of the block of each node times the motion of another one in place of its own.
         by = blocks[:, None] @ shapes[near]
