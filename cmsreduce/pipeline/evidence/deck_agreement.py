@@ -148,7 +148,7 @@ def statement_of(geometry: Path, body: FEModel) -> tuple[StatedMass | None, Stat
         def unlike(nodal: Array) -> float:
             """Distance of the body's masses from multiples of these; supports take of both alike."""
             own = nodal[at]
-            return float(np.linalg.norm(found - own * (found @ own) / (own @ own)))
+            return float(np.linalg.norm(found - own * (found @ own) / ((own @ own) or 1.0)))
 
         mass = mass._replace(nodal=min(mass.nodal, mass.by_rule, key=unlike))
     return mass, energy

@@ -259,7 +259,7 @@ def _coupled_nodes(body: FEModel, node: int, own: Array) -> set[int]:
 def away_from_supports(
     body: FEModel, ids: NDArray[np.int64], solids: Sequence[NDArray[np.int64]] = ()
 ) -> NDArray[np.bool_]:
-    """True for nodes that no support takes a part of the momentum of.
+    """True for nodes of whose momentum no support takes a part.
 
     A support resists translation of the nodes that K couples with it. Forces of quadratic solids may cancel: nodes that
     share one with a support, by the positions (e, k) of its nodes, are not away either.

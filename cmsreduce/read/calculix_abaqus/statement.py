@@ -136,9 +136,9 @@ def _mass(
     ruled = not same and all(
         each.rule is not None for (each, _), by_other in zip(found, fewer, strict=True) if by_other
     )
-    blocks = np.zeros((len(nodes), 6, 6))
+    lumps = np.zeros((len(nodes), 6, 6))
     for k, (_, mass) in zip(at, points, strict=True):
-        blocks[k, range(3), range(3)] += mass
+        lumps[k, range(3), range(3)] += mass
     even = sum_of_masses([*masses, *(_in_equal_shares(part) for part in exact)], len(nodes)) or stated
     return stated._replace(
         lumping=lumping,
@@ -147,7 +147,7 @@ def _mass(
         # Ties, equations and rigid bodies move the mass of nodes without rows to others.
         nodal_known=(same or ruled) and bool(moving[stated.nodal != 0].all()),
         by_rule=other.nodal if ruled else None,
-        points=blocks if points else None,
+        points=lumps if points else None,
         nodal_if_lumped=bool((abs(even.nodal - stated.nodal) <= limit).all()),
     )
 

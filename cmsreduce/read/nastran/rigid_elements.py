@@ -54,7 +54,7 @@ def dependent_dofs(cards: Cards, case: Sequence[str] | None, points: Points, kep
         if name in cards
     ]
     found = joined_keys(parts)
-    chosen = any(card.text(0).upper() == "AUTOMSET" and card.text(1) == "YES" for card in cards.get("PARAM", ()))
+    chosen = any(card.text(0) == "AUTOMSET" and card.text(1) == "YES" for card in cards.get("PARAM", ()))
     if chosen and (own := keys_without(found, kept)).size < found.size:
         remarks.append("PARAM,AUTOMSET,YES: the run chose the dependent dofs, so that its sets n and f are not known")
         return own, remarks

@@ -26,7 +26,7 @@ _ALL = 6
 _ONE_PLACE = 1e-5
 # Roundings of the file that add up over a row.
 _ROUNDINGS = 1e3
-# Condition of a block whose node has one place that makes a force vanish.
+# Largest condition of the block of a node from which the place that makes a force vanish is known.
 _SURE = 1e6
 # Nodes around one whose exchanges are tried: those of dense matrices are too many.
 _MOST_AROUND = 500

@@ -149,7 +149,7 @@ def test_dependent_dofs(tmp_path: Path, cards: list[str], expected: str) -> None
 )
 def test_dofs_that_the_run_keeps_are_not_dependent(tmp_path: Path, chosen: str, dependent: str, n: int) -> None:
     """With PARAM,AUTOMSET,YES the run makes others dependent; matrices of an aircraft on RBE3 were refused."""
-    found = deck(tmp_path, *POINTS, f"PARAM,AUTOMSET,{chosen}", "RBE2,9,1,123,2,3", "ASET1,123456,1,2")
+    found = deck(tmp_path, *POINTS, f"param,automset,{chosen.lower()}", "RBE2,9,1,123,2,3", "ASET1,123456,1,2")
     assert labels(found, "m") == dependent and found.sizes()["n"] == n
     assert labels(found, "a") == " ".join(f"{node}.{component}" for node in (1, 2) for component in range(1, 7))
     assert [text[:15] for text in found.remarks] == (["PARAM,AUTOMSET,"] if chosen == "YES" else [])
