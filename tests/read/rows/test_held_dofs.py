@@ -13,8 +13,8 @@ import scipy.sparse as sp
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import DofTable, FEModel
 from cmsreduce.read import MatrixSource, prove_row_order, read_body
-from cmsreduce.read.held_dofs import without_support_rows
 from cmsreduce.read.labelled_matrix import LabelledMatrix
+from cmsreduce.read.rows import without_support_rows
 from tests.solids import block
 
 
