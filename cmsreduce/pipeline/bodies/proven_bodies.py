@@ -173,23 +173,11 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     alone = rows_alone(body)[1]
     notes += [note for note in (unused, determined.note, alone and f"{name}: {alone}") if note]
-    # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
-    shown = None
-    if proof.status == "proven" and proof.motions:
-        # Rows along a plane or a line do not show all six.
-        shown = min(proof.motions, _shown_motions(body))
-        if determined.held and rigid.shape[1] < shown:
-            shown = None
     # A later run, in another folder, draws the elements of these files.
     found = tuple(replace(source, path=str(Path(source.path).absolute())) for source in body.sources)
     parts = {field.name: getattr(body, field.name) for field in fields(body) if field.name != _SOUND}
-    counted = rigid_motions_proof(body, rigid.shape[1], shown)
-    if shown is None and counted.state == "unproven":
-        more = "" if body.nodes is not None else ", or give `geometry:`"
-        notes.append(
-            f"{name}: {counted.remark} to {counted.digits:.0f} digits; if the body is held, these are its softest "
-            f"modes, which are lost: write the stiffness in double precision{more}"
-        )
+    counted, uncertain = _counted_motions(body, rigid, proof, bool(determined.held))
+    notes += [uncertain] if uncertain else []
     every = (*proved.proofs, counted)
     return ProvenBody(
         {**parts, "sources": found},
@@ -235,6 +223,25 @@ def hash_of(label: bytes, arrays: Iterable[NDArray[Any]]) -> str:
         digest.update(str((array.shape, array.dtype.str)).encode())
         digest.update(np.ascontiguousarray(array).data)
     return digest.hexdigest()
+
+
+def _counted_motions(body: FEModel, rigid: NDArray[np.float64], rows: RowOrderProof, held: bool) -> tuple[Proof, str]:
+    """Proof of the number of rigid motions, and a note where it has none; ``held`` if dofs that nothing moves are."""
+    shown = None
+    if rows.status == "proven" and rows.motions:
+        # Rows along a plane or a line do not show all six.
+        shown = min(rows.motions, _shown_motions(body))
+        # A dof that is held because nothing moves it may take a rigid motion with it, as the spin of a straight bar.
+        if held and rigid.shape[1] < shown:
+            shown = None
+    counted = rigid_motions_proof(body, rigid.shape[1], shown)
+    if shown is not None or counted.state != "unproven":
+        return counted, ""
+    more = "" if body.nodes is not None else ", or give `geometry:`"
+    return counted, (
+        f"{body.name}: {counted.remark} to {counted.digits:.0f} digits; if the body is held, these are its softest "
+        f"modes, which are lost: write the stiffness in double precision{more}"
+    )
 
 
 def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
