@@ -11,25 +11,24 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import KEY_STEP, DofTable
+from cmsreduce.model import KEY_STEP
 from cmsreduce.read.files import is_text, read_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
-from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, canonical, complex_refused, mirrored
+from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, complex_refused
 from cmsreduce.read.nastran.cards import INTEGER, Card, CardTable, Fields, read_cards
+from cmsreduce.read.nastran.dmig_entries import DMIG_FORMS, assembled_dmig, of_points
 from cmsreduce.read.nastran.op4_header import TYPES
 from cmsreduce.read.numbers_at_once import integers_of, reals_of
 from cmsreduce.read.printed_numbers import rounding_of_printed
 
-__all__ = ["DMIG", "DMIG_FORMS", "assembled_dmig"]
+__all__ = ["DMIG"]
 
 Ints = NDArray[np.int64]
 
 _CARD = re.compile(rb"(?:^|\n)[ ]{0,7}DMIG(?:\*|[ ,\t])", re.IGNORECASE)
-DMIG_FORMS = {1: "square", 2: "rectangular", 6: "symmetric", 9: "rectangular"}
 _FIELD = 8  # characters of a small field, which cut the numbers printed in it
 _LINE = 120  # bytes that the last line cannot exceed
 _ENDS = 1000  # numbers at each end of a matrix that show how all are printed
@@ -148,9 +147,7 @@ def _dmig_matrices(path: Path) -> list[StoredMatrix]:
     found = []
     for name, (form, kind, _) in headers.items():
         columns = of_name[name]
-        count = counts[columns]
-        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        entry = np.repeat(start[columns] + _FIRST, count) + _GROUP * within
+        entry, count = _entries_of_columns(fields, start[columns], counts[columns])
         dmig = _Dmig(name, form, kind, cards, columns, node[columns], component[columns], fields, entry, count)
         size, load = partial(_size, dmig), partial(_assemble, dmig, path)
         found.append(StoredMatrix(name, TYPES[kind], DMIG_FORMS[form], size, load))
@@ -169,6 +166,20 @@ def _entries_of_cards(fields: Fields, start: Ints) -> Ints:
     written = np.flatnonzero((fields != _BLANK).any(axis=1))
     last = written[np.searchsorted(written, start[1:]) - 1] if written.size else start[:-1]
     return np.asarray(np.maximum(-(-(last + 1 - start[:-1] - _FIRST) // _GROUP), 0))
+
+
+def _entries_of_columns(fields: Fields, start: Ints, counts: Ints) -> tuple[Ints, Ints]:
+    """First field of each entry of some cards (k,), and the entries of each card (c,).
+
+    Programs that write one entry a line leave the second half of a free line of eight fields blank.
+    """
+    of = np.repeat(np.arange(counts.size), counts)
+    entry = (start + _FIRST - _GROUP * (np.cumsum(counts) - counts))[of] + _GROUP * np.arange(of.size)
+    blank = np.flatnonzero((fields[entry] == _BLANK).all(axis=1))
+    blank = blank[(fields[entry[blank, None] + np.arange(_GROUP)] == _BLANK).all(axis=(1, 2))]
+    if not blank.size:
+        return entry, counts
+    return np.delete(entry, blank), np.bincount(np.delete(of, blank), minlength=counts.size)
 
 
 def _add_header(found: dict[str, tuple[int, int, Card]], name: str, card: Card) -> None:
@@ -222,7 +233,7 @@ def _labels(dmig: _Dmig) -> tuple[Ints, Ints, Ints, Ints]:
     if wrong.size:
         at = int(wrong[0])
         raise ReadError(f"{dmig.card(at).where}: component {component[at]} of node {node[at]} is not 0..6")
-    row, keys = _of_points(node * KEY_STEP + component, dmig.node * KEY_STEP + dmig.component)
+    row, keys = of_points(node * KEY_STEP + component, dmig.node * KEY_STEP + dmig.component)
     rows, cols = np.unique(row), np.unique(keys)
     if dmig.form in (1, 6):
         # A square matrix has the same dofs as rows and as columns.
@@ -260,85 +271,6 @@ def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
     rounding = rounding_of_printed(printed, _FIELD if printed and narrow else None)
     rounding = max(rounding, SINGLE) if TYPES[dmig.type].endswith("single") else rounding
     return assembled_dmig(path, dmig.name, dmig.form, row_keys, col_keys, values, rounding)
-
-
-def assembled_dmig(
-    path: Path, name: str, form: int, row_keys: Ints, col_keys: Ints, values: NDArray[np.float64], rounding: float
-) -> LabelledMatrix:
-    """Sparse matrix of DMIG entries.
-
-    Parameters
-    ----------
-    path : Path
-        Their file.
-    name : str
-        Name of the matrix.
-    form : int
-        1 square, 6 symmetric, 2 and 9 rectangular.
-    row_keys, col_keys : (k,) int64
-        Dof keys of the row and of the column of each entry.
-    values : (k,) float64
-        Their numbers.
-    rounding : float
-        Relative rounding of the numbers.
-
-    Raises
-    ------
-    ReadError
-        If one place has two values.
-    """
-    row_keys, col_keys = _of_points(row_keys, col_keys)
-    rows, cols = np.unique(row_keys), np.unique(col_keys)
-    if form in (1, 6):
-        # A square matrix has the same dofs as rows and as columns.
-        rows = cols = np.union1d(rows, cols)
-    row, col = np.searchsorted(rows, row_keys), np.searchsorted(cols, col_keys)
-    if form == 6:
-        row, col = np.maximum(row, col), np.minimum(row, col)
-    A = canonical(row, col, values, (rows.size, cols.size))
-    # Repeated entries were added, zeros dropped.
-    if A.nnz < values.size:
-        A = _each_once(path, name, form, (rows, cols), (row, col), values)
-    return LabelledMatrix(
-        mirrored(A) if form == 6 else A,
-        name,
-        path,
-        "dmig",
-        rounding,
-        DofTable.from_keys(rows),
-        # Columns of form 9 are mere numbers.
-        DofTable.from_keys(cols) if form == 2 else None,
-    )
-
-
-def _each_once(
-    path: Path, name: str, form: int, keys: tuple[Ints, Ints], places: tuple[Ints, Ints], values: NDArray[np.float64]
-) -> sp.csc_array:
-    """Matrix of entries of which some repeat others; a ReadError if one place has two values."""
-    (rows, cols), (row, col) = keys, places
-    _, at, inverse = np.unique(row * max(cols.size, 1) + col, return_index=True, return_inverse=True)
-    first = values[at][inverse]
-    differs = np.flatnonzero((values != first) & ~(np.isnan(values) & np.isnan(first)))
-    if differs.size:
-        k = int(differs[0])
-        i, j = (DofTable.from_keys(keys).labels[0] for keys in (rows[[row[k]]], cols[[col[k]]]))
-        across = " (or across the diagonal)" if form == 6 and i != j else ""
-        raise ReadError(
-            f"{path}: matrix '{name}' has two values at row {i}, column {j}{across}: {first[k]:.10g} and "
-            f"{values[k]:.10g}; a DMIG names each place once, and a symmetric one only one triangle"
-        )
-    return canonical(row[at], col[at], values[at], (rows.size, cols.size))
-
-
-def _of_points(row_keys: Ints, col_keys: Ints) -> tuple[Ints, Ints]:
-    """Keys with component 0 for scalar points: a point that has component 0 in one place has no other component.
-
-    NX gives scalar points component 0 as columns and 1 as rows.
-    """
-    every = np.concatenate([row_keys, col_keys])
-    points = np.unique(every[every % KEY_STEP == 0])
-    found = (np.where(np.isin(keys - 1, points), keys - 1, keys) for keys in (row_keys, col_keys))
-    return next(found), next(found)
 
 
 DMIG = MatrixFormat(

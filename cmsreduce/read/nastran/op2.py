@@ -17,7 +17,7 @@ from cmsreduce.model import KEY_STEP
 from cmsreduce.read.files import FileBytes, reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, LabelledMatrix, canonical, check_size, mirrored
-from cmsreduce.read.nastran.dmig import DMIG_FORMS, assembled_dmig
+from cmsreduce.read.nastran.dmig_entries import DMIG_FORMS, assembled_dmig
 from cmsreduce.read.nastran.op4 import FORMS, SYMMETRIC, first_record
 from cmsreduce.read.nastran.op4_header import TYPES
 

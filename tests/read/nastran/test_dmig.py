@@ -54,6 +54,16 @@ def wide(entries: dict[tuple[str, str], float], form: int, kind: int = 2, name: 
     return "\n".join(lines) + "\n"
 
 
+def one_a_line(entries: dict[tuple[str, str], float], form: int) -> str:
+    """Free fields with one entry on each line, which leaves the second half of a line blank."""
+    lines, column = [f"DMIG,K,0,{form},2,0,,,4"], ""
+    for (row, col), value in entries.items():
+        start = "+" if col == column else f"DMIG,K,{col.replace('.', ',')},"
+        lines.append(f"{start},{row.replace('.', ',')},{value}")
+        column = col
+    return "\n".join(lines) + "\n"
+
+
 def with_imaginary(text: str, value: float) -> str:
     """Entries with a fourth number."""
     return re.sub(r"(D[+-]\d\d)\n", lambda found: f"{found[1]}{f'{value:16.9E}'.replace('E', 'D')}\n", text)
@@ -77,6 +87,8 @@ FULL = {(DOFS[i], DOFS[j]): K[i, j] for j in range(4) for i in range(4) if K[i, 
         (wide(LOWER, 6, kind=4), 5e-11),
         (with_imaginary(wide(LOWER, 6, kind=3), -0.0), 2.0**-24),
         (FREE.replace("0,6,2", "0,6,4"), 2.0**-53),
+        (one_a_line(FULL, 6), 2.0**-53),
+        (one_a_line(FULL, 1).replace("2.0\n", "2.0,0.0\n"), 2.0**-53),
         (wide(LOWER, 6).lower(), 5e-11),
         (wide(LOWER, 6).replace("\n", "\r\n"), 5e-11),
     ],
@@ -91,6 +103,8 @@ FULL = {(DOFS[i], DOFS[j]): K[i, j] for j in range(4) for i in range(4) if K[i, 
         "complex",
         "zeros",
         "free-complex",
+        "one-a-line",
+        "one-a-line-square",
         "lower-case",
         "dos",
     ],
