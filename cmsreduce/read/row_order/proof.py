@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes
+from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes, last_digits
+from cmsreduce.read.printed_numbers import rounding_of_digits
 from cmsreduce.read.row_order.deck_causes import deck_cause
 from cmsreduce.read.row_order.held_body import held_in_a_plane, held_rows, shown_rows
 from cmsreduce.read.row_order.likely_cause import (
@@ -22,65 +23,18 @@ from cmsreduce.read.row_order.likely_cause import (
 )
 from cmsreduce.read.row_order.quiet_rows import mistaken_matrices
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual, without_idle_turns
-from cmsreduce.read.row_order.rows_of_nodes import NONE_HIDDEN, HiddenRows, prove_rows_of_nodes
+from cmsreduce.read.row_order.row_order_proof import RowOrderProof
+from cmsreduce.read.row_order.rows_of_nodes import prove_rows_of_nodes
 
-__all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
+__all__ = ["is_condensed", "prove_row_order"]
 
 _NAMED = 5
 _ALL_MOTIONS = 6
 _TRANSLATIONS = 3
+# Fewer digits are typed, and exact.
+_FEWEST_DIGITS = 6
 # The order of a held body counts as proven if the ground leaves at least this share of its nodes without force.
 _FREE_SHARE = 0.5
-
-
-@dataclass(frozen=True)
-class RowOrderProof:
-    """Result of the proof of the row order.
-
-    Parameters
-    ----------
-    status : str
-        ``proven``; ``trusted`` (not proven, and the user vouches for it); ``grounded`` (supports hold too many nodes
-        or motions for a proof), ``no geometry`` or ``scalar`` (no geometry is needed: the body has no dofs of points).
-    motions : int
-        Rigid motions of the whole body that were tried; 0 if the ground holds it.
-    residual : float
-        Largest force against rigid motion relative to sqrt(K_ii K_jj) times the motion, in the row nearest to its
-        tolerance.
-    tolerance : float
-        Force that rounding of the matrix and of the coordinates may leave in that row.
-    remark : str
-        Reason why there is no proof, or how a held body was proven; empty if all motions vanish.
-    rounding, noise : float
-        Errors of K that explain the forces, as in ``FEModel``; 0 without a proof.
-    exact : bool
-        True if all six motions vanish with the coordinates as they are, whatever their digits.
-    xyz_rounding : float
-        Error of the coordinates, beyond the digits that they show, that explains the forces; 0 without a proof.
-    hidden : HiddenRows
-        Rows that a proof leaves out.
-    """
-
-    status: str
-    motions: int = 0
-    residual: float = 0.0
-    tolerance: float = 0.0
-    remark: str = ""
-    rounding: float = 0.0
-    noise: float = 0.0
-    exact: bool = False
-    xyz_rounding: float = 0.0
-    hidden: HiddenRows = NONE_HIDDEN
-
-    def estimated(self, body: FEModel) -> FEModel:
-        """The body with the errors of K and of the coordinates that the proof found."""
-        found = (max(body.rounding, self.rounding), max(body.noise, self.noise))
-        if self.exact and body.nodes is not None and (body.nodes.xyz_rounding or body.nodes.frame_rounding):
-            body = replace(body, nodes=replace(body.nodes, xyz_rounding=0.0, frame_rounding=0.0))
-        elif self.xyz_rounding and body.nodes is not None:
-            off = max(self.xyz_rounding, body.nodes.xyz_rounding)
-            body = replace(body, nodes=replace(body.nodes, xyz_rounding=off))
-        return body if found == (body.rounding, body.noise) else replace(body, rounding=found[0], noise=found[1])
 
 
 def is_condensed(body: FEModel) -> bool:
@@ -181,6 +135,11 @@ def _by_rigid_motions(body: FEModel, geometry: Nodes) -> RowOrderProof:
     condensed = is_condensed(body)
     held = without_idle_turns(body)
     found = rigid_residual(body.K, body.dofs, geometry, held, body.rounding, condensed, body.noise)
+    if not found.vanishes and (rounding := _rounding_of_decimals(body)) > body.rounding:
+        with contextlib.suppress(DofMapError):
+            proof = _by_rigid_motions(replace(body, rounding=rounding), geometry)
+            if proof.status == "proven":
+                return proof
     if held is not body.constrained and not found.vanishes:
         turning = found
         found = rigid_residual(body.K, body.dofs, geometry, body.constrained, body.rounding, condensed, body.noise)
@@ -213,6 +172,15 @@ def _by_rigid_motions(body: FEModel, geometry: Nodes) -> RowOrderProof:
         raise DofMapError(f"body '{body.name}': {mistaken}")
     head = _not_proven(body, nodes, share, float(found.allowed[row]))
     raise DofMapError(f"{head}. Likely cause: {likely_cause(failure)}")
+
+
+def _rounding_of_decimals(body: FEModel) -> float:
+    """Rounding of a stiffness whose numbers end early as decimals, as those of a text that was saved as binary; or 0.
+
+    Among few numbers many are short by chance, so that their lengths alone do not show it.
+    """
+    shown = last_digits(body.K.data)
+    return rounding_of_digits(shown[1]) if shown is not None and shown[1] >= _FEWEST_DIGITS else 0.0
 
 
 def _turns_alone(body: FEModel, held: DofTable | None, found: RigidResidual, condensed: bool) -> RowOrderProof:

@@ -254,3 +254,19 @@ def test_forces_barely_beyond_round_off_are_not_those_of_the_mass(error: str):
     with pytest.raises(DofMapError, match=words) as named:
         prove_row_order(wrong)
     assert "times the mass" not in str(named.value)
+
+
+@pytest.mark.parametrize("digits", [6, 7, 8])
+def test_decimals_of_few_different_numbers_are_those_of_a_text(digits: int):
+    """Digits of a text saved as binary: half of the few numbers of a straight beam are short."""
+    body = bars("spar", np.array([[0, 0, 0], [1, 0, 0], [3, 0, 0], [4.4, 0, 0]]), [(1, 2), (2, 3), (3, 4)])
+    K = with_values(body.K, np.array([float(f"{x:.{digits - 1}e}") for x in body.K.data]))
+    stored, printed = replace(body, K=K), replace(body, K=K, rounding=0.5 * 10.0**-digits)
+    assert rounding_of_values(K.data) == 2.0**-53
+    assert prove_row_order(stored) == prove_row_order(printed)
+    assert prove_row_order(stored).estimated(stored).rounding == printed.rounding
+    order = np.r_[:6, 12:18, 6:12, 18:24]
+    spring = sp.csc_array(([100 * printed.rounding * K[8, 8]], ([8], [8])), shape=K.shape)
+    for wrong in (sp.csc_array(K[order][:, order]), sp.csc_array(K + spring)):
+        with pytest.raises(DofMapError, match="is not proven"):
+            prove_row_order(replace(body, K=wrong))

@@ -1,0 +1,60 @@
+"""Result of the proof of the row order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from cmsreduce.model import FEModel
+from cmsreduce.read.row_order.rows_of_nodes import NONE_HIDDEN, HiddenRows
+
+__all__ = ["RowOrderProof"]
+
+
+@dataclass(frozen=True)
+class RowOrderProof:
+    """Result of the proof of the row order.
+
+    Parameters
+    ----------
+    status : str
+        ``proven``; ``trusted`` (not proven, and the user vouches for it); ``grounded`` (supports hold too many nodes
+        or motions for a proof), ``no geometry`` or ``scalar`` (no geometry is needed: the body has no dofs of points).
+    motions : int
+        Rigid motions of the whole body that were tried; 0 if the ground holds it.
+    residual : float
+        Largest force against rigid motion relative to sqrt(K_ii K_jj) times the motion, in the row nearest to its
+        tolerance.
+    tolerance : float
+        Force that rounding of the matrix and of the coordinates may leave in that row.
+    remark : str
+        Reason why there is no proof, or how a held body was proven; empty if all motions vanish.
+    rounding, noise : float
+        Errors of K that explain the forces, as in ``FEModel``; 0 without a proof.
+    exact : bool
+        True if all six motions vanish with the coordinates as they are, whatever their digits.
+    xyz_rounding : float
+        Error of the coordinates, beyond the digits that they show, that explains the forces; 0 without a proof.
+    hidden : HiddenRows
+        Rows that a proof leaves out.
+    """
+
+    status: str
+    motions: int = 0
+    residual: float = 0.0
+    tolerance: float = 0.0
+    remark: str = ""
+    rounding: float = 0.0
+    noise: float = 0.0
+    exact: bool = False
+    xyz_rounding: float = 0.0
+    hidden: HiddenRows = NONE_HIDDEN
+
+    def estimated(self, body: FEModel) -> FEModel:
+        """The body with the errors of K and of the coordinates that the proof found."""
+        found = (max(body.rounding, self.rounding), max(body.noise, self.noise))
+        if self.exact and body.nodes is not None and (body.nodes.xyz_rounding or body.nodes.frame_rounding):
+            body = replace(body, nodes=replace(body.nodes, xyz_rounding=0.0, frame_rounding=0.0))
+        elif self.xyz_rounding and body.nodes is not None:
+            off = max(self.xyz_rounding, body.nodes.xyz_rounding)
+            body = replace(body, nodes=replace(body.nodes, xyz_rounding=off))
+        return body if found == (body.rounding, body.noise) else replace(body, rounding=found[0], noise=found[1])
