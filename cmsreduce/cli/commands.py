@@ -21,6 +21,7 @@ from cmsreduce.cli.options import (
     output_options,
     pipeline_options,
     run_options,
+    show_beside_error,
     work_in,
     worker_options,
 )
@@ -121,7 +122,7 @@ for _stage, _text in _STAGE_VERBS.items():
 def inspect(files: tuple[Path, ...], output: Output) -> None:
     """Show what is in files and decks, how sound the bodies of a pipeline are, or what a run directory holds."""
     from cmsreduce.pipeline import inspected
-    from cmsreduce.report import print_inspected
+    from cmsreduce.report import plain_data, print_inspected
 
     found, refused = [], []
     for path in files:
@@ -133,6 +134,8 @@ def inspect(files: tuple[Path, ...], output: Output) -> None:
         print_inspected(each.rows, output)
         found.append(each.data)
     if refused:
+        if found:
+            show_beside_error(inspected=plain_data(found))
         raise refused[0] if len(refused) == 1 else ReadError("\nerror: ".join(map(str, refused)))
     output.result(found)
 

@@ -12,9 +12,9 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
@@ -58,12 +58,15 @@ class Ending:
         Class of the error.
     crash_file : Path, optional
         File with the traceback.
+    found : dict
+        Parts of the result that were made before the error, as plain values.
     """
 
     code: int
     message: str
     kind: str
     crash_file: Path | None = None
+    found: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def json(self) -> str:
@@ -71,7 +74,7 @@ class Ending:
         facts = {"code": self.code, "kind": self.kind, "message": self.message}
         if self.crash_file is not None:
             facts["crash_file"] = str(self.crash_file)
-        return json.dumps({"error": facts}, indent=2)
+        return json.dumps({"error": facts, **self.found}, indent=2)
 
 
 def ending_of(error: BaseException, folder: Path | None = None, command: Sequence[str] = ()) -> Ending | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,6 +25,7 @@ __all__ = [
     "output_options",
     "pipeline_options",
     "run_options",
+    "show_beside_error",
     "work_in",
     "worker_options",
 ]
@@ -35,7 +37,7 @@ _HEADINGS = {
     "Files and other programs": ("inspect", "convert", "export"),
     "Help": ("schema", "completion", "doctor"),
 }
-_FOLDER, _AS_JSON = f"{__name__}.folder", f"{__name__}.as_json"
+_FOLDER, _AS_JSON, _FOUND = f"{__name__}.folder", f"{__name__}.as_json", f"{__name__}.found"
 # Modules that every piece of work loads, now or later.
 _LIBRARIES = ["cmsreduce.pipeline.batch", "h5py"]
 
@@ -43,6 +45,11 @@ _LIBRARIES = ["cmsreduce.pipeline.batch", "h5py"]
 def work_in(folder: Path) -> None:
     """Name the run directory of this command, where a crash file belongs."""
     click.get_current_context().meta[_FOLDER] = folder
+
+
+def show_beside_error(**found: Any) -> None:
+    """Name parts of the result, as plain values, that this command prints as JSON beside the error that ends it."""
+    click.get_current_context().meta[_FOUND] = found
 
 
 class _Context(click.Context):
@@ -67,7 +74,7 @@ class _Context(click.Context):
             return
         click.echo(ending.message, err=True)
         if as_json:
-            click.echo(ending.json)
+            click.echo(replace(ending, found=self.meta.get(_FOUND, {})).json)
         raise click.exceptions.Exit(ending.code)
 
 

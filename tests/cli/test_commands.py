@@ -164,6 +164,11 @@ def test_inspect_goes_on_after_a_file_that_it_cannot_read(finished: Path) -> Non
     first, second = result.stderr.splitlines()
     assert first.startswith("error: ") and "the file is empty" in first
     assert second.startswith("error: ") and "there is no such file" in second
+    as_json = call("inspect", folder / "none.op4", folder / "arm.op4", "--json")
+    found = json.loads(as_json.stdout)
+    assert as_json.exit_code == found["error"]["code"] == 2 and "there is no such file" in found["error"]["message"]
+    assert [each["path"] for each in found["inspected"]] == [str(folder / "arm.op4")]
+    assert [each["name"] for each in found["inspected"][0]["matrices"]] == ["KAA", "MAA"]
 
 
 def test_report_is_written_again(finished: Path) -> None:

@@ -4,7 +4,7 @@ Everything that a command prints belongs here.
 Files for continuous integration belong in `report.ci`.
 """
 
-from cmsreduce.report.terminal.output import Output, opened_output
+from cmsreduce.report.terminal.output import Output, opened_output, plain_data
 from cmsreduce.report.terminal.run import print_summary
 from cmsreduce.report.terminal.sweep import SWEEP_WIDTH, print_sweep, sweep_data
 from cmsreduce.report.terminal.tables import (
@@ -32,6 +32,7 @@ __all__ = [
     "figures",
     "health_lines",
     "opened_output",
+    "plain_data",
     "print_difference",
     "print_inspected",
     "print_rankings",

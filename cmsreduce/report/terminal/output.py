@@ -19,7 +19,7 @@ from cmsreduce.report.wording import plural
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["Output", "opened_output", "print_line", "standard_console"]
+__all__ = ["Output", "opened_output", "plain_data", "print_line", "standard_console"]
 
 # Columns where there is no terminal.
 _PLAIN_WIDTH = 100
@@ -132,7 +132,7 @@ class Output:
     def result(self, data: Any) -> None:
         """Print the result as JSON if the command has this option; numbers that are not finite are null."""
         if self.as_json:
-            print(json.dumps(_finite(data), indent=2, allow_nan=False))
+            print(json.dumps(plain_data(data), indent=2, allow_nan=False))
 
 
 @contextmanager
@@ -216,11 +216,12 @@ def _replace_unknown_letters(stream: TextIO) -> None:
         stream.reconfigure(errors="replace")
 
 
-def _finite(value: Any) -> Any:
+def plain_data(value: Any) -> Any:
+    """Values as JSON has them: numbers that are not finite are null, paths are texts."""
     if isinstance(value, dict):
-        return {str(key): _finite(item) for key, item in value.items()}
+        return {str(key): plain_data(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
+        return [plain_data(item) for item in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return str(value) if isinstance(value, Path) else value
