@@ -24,6 +24,8 @@ _VTK_KINDS = {
     **dict.fromkeys((13, 26), "wedge"),
     **dict.fromkeys((14, 27), "pyramid"),
 }
+# Numbers for each node, above which a lack of memory is due to the numbers.
+_SPARSE = 100
 # Cells of any order, corners first, as meshio names them.
 _LAGRANGE = {
     f"VTK_LAGRANGE_{name}": kind
@@ -77,6 +79,13 @@ def mesh(path: str, format: str | None = None) -> Arrays:
         # The number of a node beyond the largest.
         if numbers and path.lower().endswith(".msh"):
             refuse_missing_node(path, numbers[0])
+        raise
+    except MemoryError:
+        if numbers and (last := int(np.max(numbers[0], initial=0))) > _SPARSE * len(numbers[0]):
+            raise ValueError(
+                f"its {len(numbers[0])} nodes have numbers up to {last}, and reading takes memory for each number "
+                "between: number its nodes anew (RenumberMeshNodes in gmsh), in `rows:`, too"
+            ) from None
         raise
     if numbers and path.lower().endswith(".msh"):
         ends = [(np.min(block.data, initial=0), np.max(block.data, initial=0)) for block in found.cells]

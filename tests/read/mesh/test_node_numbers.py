@@ -199,3 +199,11 @@ def test_a_plane_body_has_two_rows_for_each_node(tmp_path: Path) -> None:
 def test_the_version_of_a_gmsh_file_is_no_entry_of_a_matrix(tmp_path: Path) -> None:
     (tmp_path / "a.msh").write_text("$MeshFormat\n4 0 8\n$EndMeshFormat\n$Entities\n0 0 0 0\n$EndEntities\n")
     assert file_kind(tmp_path / "a.msh").name == "mesh"
+
+
+def test_node_numbers_too_large_to_read_are_named(tmp_path: Path) -> None:
+    """The message was that of a file of no known format."""
+    text = FILES["a41.msh"].replace("70", "2000000070")
+    (tmp_path / "a.msh").write_text(text)
+    with pytest.raises(ReadError, match=r"its 4 nodes have numbers up to 2000000070, .*RenumberMeshNodes"):
+        read_geometry(tmp_path / "a.msh")
