@@ -8,12 +8,19 @@ import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.model import SCALAR, FEModel
+from cmsreduce.linalg.blocks import absolute_product
+from cmsreduce.model import DOUBLE, SCALAR, FEModel, rigid_body_shapes
 
 __all__ = ["check_connected", "parts", "rows_alone"]
 
 # Rigid motions of a body that is free in all directions.
 _ALL_MOTIONS = 6
+# A part that the ground holds has more energy in each motion than so many roundings of the terms that cancel in it.
+_ROUNDINGS = 100.0
+# Motions that differ by less, relative to the largest, are one.
+_ALIKE = 1e-9
+# A held node joins few parts; unmerged nodes leave thousands.
+_MOST_PARTS = 100
 # Parts named in a message.
 _NAMED_PARTS = 5
 
@@ -53,8 +60,10 @@ def rows_alone(body: FEModel) -> tuple[NDArray[np.int64], str]:
     )
 
 
-def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) -> None:
+def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) -> str:
     """Refuse a body in several pieces, or with rows that have neither stiffness nor mass.
+
+    Pieces that the ground holds one by one are a sound body: a held node that is left out of the matrices joined them.
 
     Parameters
     ----------
@@ -62,6 +71,11 @@ def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) ->
         The body.
     proven : (n, r) float64, optional
         Its rigid motions, if K resists all others.
+
+    Returns
+    -------
+    str
+        Note on pieces that the ground holds; empty for a body in one piece.
 
     Raises
     ------
@@ -71,7 +85,7 @@ def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) ->
     # Each piece would have the rigid motions of its own nodes: three of one node, five or more of others.
     nodes, moving = body.dofs.node_ids.size, (body.dofs.component > 0) & (body.dofs.component <= 3)
     if proven is not None and proven.shape[1] == _ALL_MOTIONS and nodes > 2 and moving.sum() == 3 * nodes:
-        return
+        return ""
     empty = np.flatnonzero((_entries(body.K) == 0) & (_entries(body.M) == 0))
     if empty.size:
         raise MatrixError(
@@ -93,15 +107,40 @@ def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) ->
             raise MatrixError(
                 f"body '{body.name}' is not one piece: {why}. Make a mass that is meant a component of its own"
             )
-        named = [
+        rows = np.split(np.argsort(part, kind="stable"), np.cumsum(sizes)[:-1])
+        held = np.array([count <= _MOST_PARTS and _is_held(body, np.sort(rows[p])) for p in order])
+        # Where the ground holds some of the parts, the others are at fault.
+        around = [
             f"{len(np.unique(body.dofs.node[part == p]))} nodes around node {body.dofs.node[part == p][0]}"
-            for p in order[:_NAMED_PARTS]
+            for p in (order if held.all() else order[~held])
         ]
+        named = f"{'; '.join(around[:_NAMED_PARTS])}{' ...' if len(around) > _NAMED_PARTS else ''}"
+        if held.all():
+            return (
+                f"{body.name}: the ground holds {count} parts of it one by one, which share neither stiffness nor mass "
+                f"({named}). This is sound where they meet at a support that has no rows; else elements are missing"
+            )
+        free = f"; the ground does not hold {len(around)} of them" if held.any() else ""
         raise MatrixError(
-            f"body '{body.name}' is not one piece: {count} parts share neither stiffness nor mass "
-            f"({'; '.join(named)}{' ...' if count > _NAMED_PARTS else ''}). Look for missing elements or unmerged "
-            "nodes, or make each part a component of its own"
+            f"body '{body.name}' is not one piece: {count} parts share neither stiffness nor mass{free} ({named}). "
+            "Look for missing elements or unmerged nodes, or make each part a component of its own"
         )
+    return ""
+
+
+def _is_held(body: FEModel, rows: NDArray[np.int64]) -> bool:
+    """True if the stiffness of some rows resists each rigid motion that moves them."""
+    if body.nodes is None or (body.dofs.component[rows] == 0).any():
+        return False
+    dofs, K = body.dofs[rows], sp.csc_array(body.K[:, rows][rows])
+    R = rigid_body_shapes(dofs, body.nodes, body.nodes.xyz[body.nodes.index(dofs.node)].mean(axis=0))
+    parts = np.einsum("ij,ij->j", abs(R), absolute_product(K)(abs(R)))
+    scaled = R[:, parts > 0] / np.sqrt(parts[parts > 0])
+    # Rows along a line or in a plane show fewer motions.
+    _, size, motions = np.linalg.svd(scaled, full_matrices=False)
+    seen = scaled @ motions[size > _ALIKE * size.max(initial=0.0)].T
+    least = np.linalg.eigvalsh(seen.T @ (K @ seen)).min(initial=np.inf)
+    return bool(seen.shape[1] and least > _ROUNDINGS * max(body.stiffness_rounding, DOUBLE))
 
 
 def _entries(A: sp.csc_array) -> NDArray[np.int64]:

@@ -269,6 +269,27 @@ def test_pieces_are_named():
         check_connected(body)
 
 
+STAR = [[0, 0, 0], *([s * k, c * k, 0.1 * k] for s, c in ((1, 0), (0, 1), (-1, -1)) for k in (1, 2, 3, 4))]
+ARMS = [(1, 2), (1, 6), (1, 10), *((k, k + 1) for k in range(2, 13) if k not in (5, 9))]
+
+
+def test_arms_that_meet_at_a_held_node_are_a_sound_body():
+    """A clamped aircraft without the rows of its clamp was refused: its wings share nothing."""
+    body = frame("star", STAR, ARMS, held=[1])
+    assert np.unique(parts(body), return_counts=True)[1].tolist() == [24, 24, 24]
+    note = check_connected(body)
+    assert note.startswith("star: the ground holds 3 parts of it one by one") and "4 nodes around node 6" in note
+    assert rigid_of(body).shape[1] == 0
+    # Rounded to ten digits, and with an arm that ends before the clamp.
+    K = sp.csc_array(([float(f"{x:.9e}") for x in body.K.data], body.K.indices, body.K.indptr), shape=body.K.shape)
+    assert check_connected(replace(body, K=K, rounding=5e-11)) == note
+    loose = frame("star", STAR, [bar for bar in ARMS if bar != (1, 6)], held=[1])
+    with pytest.raises(MatrixError, match=r"3 parts .*; the ground does not hold 1 of them \(4 nodes around node 6\)"):
+        check_connected(loose)
+    with pytest.raises(MatrixError, match=r"3 parts share neither stiffness nor mass \(4 nodes"):
+        check_connected(replace(body, nodes=None))
+
+
 @pytest.mark.parametrize("components", [range(6), [0]], ids=["whole node", "one component"])
 def test_rows_that_keep_their_own_diagonal_are_named(components):
     """A program that takes a support out of the equations may leave its stiffness and mass on the diagonal."""

@@ -155,9 +155,8 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     body = determined.body
     if body is not converted:
         large, proven = False, None
-    if not part.in_modes:
-        # A mode that no other one excites shares neither stiffness nor mass with them.
-        check_connected(body, proven)
+    # A mode that no other one excites shares neither stiffness nor mass with them.
+    pieces = "" if part.in_modes else check_connected(body, proven)
     rounding = body.stiffness_rounding
     rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), rounding, name, proven, prove=not large)
     _check_grounded(body, rigid)
@@ -172,7 +171,7 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     alone = rows_alone(body)[1]
-    notes += [note for note in (unused, determined.note, alone and f"{name}: {alone}") if note]
+    notes += [note for note in (unused, determined.note, pieces, alone and f"{name}: {alone}") if note]
     # A later run, in another folder, draws the elements of these files.
     found = tuple(replace(source, path=str(Path(source.path).absolute())) for source in body.sources)
     parts = {field.name: getattr(body, field.name) for field in fields(body) if field.name != _SOUND}
