@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 from cmsreduce.read.matrices import PLANE_FREEFEM
 
-__all__ = ["MARKS", "NO_MODEL", "REDUCED", "SAVE", "UNREAD_MESHES"]
+__all__ = ["MARKS", "NO_MODEL", "OCTAVE", "REDUCED", "SAVE", "UNREAD_MESHES"]
 
 REDUCED = "name it as `reduced:` of a component"
 _UNPACK = "unpack it, and name the file in it"
 NO_MODEL = "name the matrices and the deck or mesh of the body"
 SAVE = "`scipy.io.savemat('body.mat', {{'K': K, 'M': M}})` saves matrices to a file that is read"
+OCTAVE = "`save -v7 body.mat K M` in Octave writes a file that is read"
 
 UNREAD_MESHES = frozenset({"aster", "freefem-mesh", "gmsh-1", "ls-dyna", "mfem-mesh", "vtk-grid"})
 """Names of marks of files that have nodes, which are not read."""
@@ -60,7 +61,36 @@ _TABLE = rb"\A(?:\xef\xbb\xbf)?(?:" + _NAMES + 2 * _NUMBERS + rb"|[ \t]*+" + _WI
 _DECIMAL_COMMA = rb"\A(?:\xef\xbb\xbf)?[^\n]*+\n[ \t]*+[^\n]*?(?:\d,\d{3,}[ED][+-]?\d|\d,\d+[;\t ]+[+-]?\d+,\d)"
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:[^\S\n]*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
+# The first file of an archive: of workbooks as spreadsheets write them, and of other documents.
+_DOCUMENT = re.compile(
+    rb"PK\x03\x04(?s:.{26})(?:\[Content_Types\]\.xml|_rels/|docProps/|mimetypeapplication/vnd\.oasis)"
+)
+
 MARKS = (
+    _Mark(
+        "octave",
+        "a file that Octave's `save` wrote in its own format",
+        _starts(b"Octave-1-", b"# Created by Octave"),
+        OCTAVE,
+    ),
+    _Mark(
+        "pickle",
+        "a file of pickled Python objects, which can run code when opened and is never read",
+        lambda head: head[:1] == b"\x80" and head[1:2] in (b"\2", b"\3", b"\4", b"\5"),
+        SAVE,
+    ),
+    _Mark(
+        "workbook",
+        "a document of a spreadsheet or an office program",
+        lambda head: _DOCUMENT.match(head) is not None,
+        f"`K = pandas.read_excel(FILE, header=None).to_numpy()` reads a sheet of numbers, and {SAVE}",
+    ),
+    _Mark(
+        "petsc-text",
+        "a matrix that PETSc printed as text",
+        _matches(rb"\A%?\s*Mat Object:"),
+        "write it with a binary viewer (PetscViewerBinaryOpen)",
+    ),
     _Mark("gzip", "a file compressed with gzip", _starts(b"\x1f\x8b"), "`gunzip -k {path}`, and name that file"),
     _Mark("zip", "a zip archive", _starts(b"PK\x03\x04", b"PK\x05\x06"), _UNPACK),
     _Mark(
@@ -146,7 +176,8 @@ MARKS = (
         "table",
         "a table of numbers that names no format",
         _matches(_TABLE),
-        f"{SAVE}; nodes are read from GRID cards of NASTRAN, or from a mesh",
+        f"{SAVE} (`K = numpy.loadtxt(FILE, delimiter=',')` reads a table); nodes are read from GRID cards of NASTRAN "
+        "or from a mesh",
     ),
 )
 """Kinds of files that are known and not read, in the order of detection."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import pickle
 import zipfile
 from pathlib import Path
 
@@ -72,6 +73,11 @@ CONTENT = {
     "f06": b"1\n \n      * * *  N A S T R A N  * * *\nGRID     1     0.   0.   0.\n",
     "gzip": gzip.compress(b"BEGIN BULK\nGRID,1,,0.,0.,0.\n"),
     "zip": zipped("body.bdf"),
+    "octave": b"# Created by Octave 7.3.0, Sun Nov 29 08:07:24 2026 UTC <a@b>\n# name: K\n# type: matrix\n# rows: 2\n"
+    b"# columns: 2\n 2 -1\n -1 2\n",
+    "pickle": pickle.dumps({"K": K}),
+    "workbook": zipped("[Content_Types].xml"),
+    "petsc-text": b"Mat Object: 1 MPI process\n  type: seqaij\nrow 0: (0, 2.) (1, -1.)\n",
     "utf-16": "1 1 2.0\n1 2 -1.0\n".encode("utf-16"),
     "git-lfs": b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
     "picture": b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR",
@@ -147,6 +153,19 @@ def test_tables_of_numbers_are_refused_with_what_to_write(tmp_path: Path, text: 
     for read in (matrix_names, read_geometry):
         with pytest.raises(ReadError, match=r"a table of numbers .*: `scipy\.io\.savemat\(.*GRID cards"):
             read(tmp_path / "K.csv")
+
+
+@pytest.mark.parametrize("binary", [False, True], ids=["text", "binary"])
+def test_what_octave_saves_by_default_has_its_remedy(tmp_path: Path, binary: bool) -> None:
+    """Two sparse variables were read as one matrix that names each place twice."""
+    head, lines = "# name: {}\n# type: sparse matrix\n# nnz: 2\n# rows: 2\n# columns: 2\n", "1 1 2\n2 2 2\n\n\n"
+    text = "# Created by Octave 7.3.0\n" + "".join(head.format(name) + lines for name in "KM")
+    (tmp_path / "body.mat").write_bytes(b"Octave-1-L\0\1\0\0\0K" if binary else text.encode())
+    done = CliRunner().invoke(main, ["inspect", str(tmp_path / "body.mat")])
+    assert done.exit_code == 2 and "`save -v7 body.mat K M` in Octave" in done.stderr
+    # One variable is entries under comments.
+    (tmp_path / "K.txt").write_text("# Created by Octave 7.3.0\n" + head.format("K") + lines)
+    assert file_kind(tmp_path / "K.txt").name == "calculix" and matrix_names(tmp_path / "K.txt")[0].rows == 2
 
 
 @pytest.mark.parametrize(("name", "step"), [("job.odb", "*MATRIX GENERATE"), ("a.H3D", "DMIGPCH"), ("b.db", "HBMAT")])

@@ -20,6 +20,7 @@ from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
 from cmsreduce.read.files import is_text, read_lines, read_text
 from cmsreduce.read.formats import COMPONENTS, MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size, mirrored
+from cmsreduce.read.marks import OCTAVE
 from cmsreduce.read.matrices import COORDINATE, LABELLED, PLANE_FREEFEM, read_entries
 from cmsreduce.read.printed_numbers import number_of, rounding_of_printed
 
@@ -151,6 +152,8 @@ def _entries_only(path: Path) -> tuple[bytes, bool, float]:
         symmetric = not any(b"TYPE=UNSYMMETRIC" in line for line in keywords)
         if found := _FACTOR.search(b"\n".join(keywords)):
             factor = number_of(found[1].decode())
+        if sum(line.startswith(b"# name:") for line in lines) > 1:
+            raise ReadError(f"{path}: this text of Octave holds several variables: {OCTAVE}")
         text = b"\n".join(b"" if line.lstrip().startswith(_MARKS) else line for line in lines)
     return text, symmetric, factor
 

@@ -80,7 +80,7 @@ def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix
         dtype = np.dtype(array.dtype)
     if array.ndim != 2:
         step = "; save a lumped mass as a diagonal matrix (numpy.diag)" if array.ndim == 1 else ""
-        if name in _ENTRIES:
+        if name.rpartition("_")[2] in _ENTRIES:
             step = "; save the entries of a sparse matrix with scipy.sparse.save_npz"
         raise ReadError(f"{path}: '{name}' has {array.ndim} dimensions, a matrix has 2{step}")
     rows, cols = array.shape

@@ -179,8 +179,8 @@ def test_array_of_three_dimensions(tmp_path: Path) -> None:
 
 def test_entries_of_a_sparse_matrix_that_numpy_saved_are_named(tmp_path: Path) -> None:
     """What EXTR_MATR of code_aster returns, saved by numpy; the message was about a lumped mass."""
-    np.savez(tmp_path / "K.npz", data=[2.0, -1.0], row=[0, 1], col=[0, 0])
-    for name in ("data", "row"):
+    np.savez(tmp_path / "K.npz", data=[2.0, -1.0], row=[0, 1], col=[0, 0], K_indptr=[0, 2])
+    for name in ("data", "row", "K_indptr"):
         with pytest.raises(ReadError, match=r"'\w+' has 1 dimensions, .* with scipy\.sparse\.save_npz"):
             read_matrix(tmp_path / "K.npz", name)
 
