@@ -30,6 +30,7 @@ from cmsreduce.pipeline.evidence import (
     moments_toward_neighbours,
     nodes_against_deck,
     nodes_times_deck,
+    order_that_shows,
     points_against_deck,
     ratio_in_words,
     without_points,
@@ -302,7 +303,10 @@ def _mass(
     # A consistent mass shares some of the mass of nodes next to supports with these, which have no rows.
     beside = order.status != "lumped" and any(check.name.endswith("away from supports") for check in checks)
     away = "nodes away from supports" if beside else ""
-    only = whose or away if amount else f"order of {whose}" if whose else "order"
+    only = whose or away
+    if not amount:
+        only, unseen = ("order", "") if modal else order_that_shows(replace(body, M=rest), whose)
+        apart += unseen
     return checks, Proof("mass", "proven", digits, f"{evidence}{said}{apart}", only=only)
 
 

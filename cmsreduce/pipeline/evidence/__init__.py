@@ -28,6 +28,7 @@ from cmsreduce.pipeline.evidence.nodal_mass import (
 )
 from cmsreduce.pipeline.evidence.nodal_stiffness import NodesAgainstDeck, nodes_against_deck
 from cmsreduce.pipeline.evidence.point_masses import points_against_deck, without_points
+from cmsreduce.pipeline.evidence.rows_of_masses import order_that_shows
 
 __all__ = [
     "BOUNDED",
@@ -46,6 +47,7 @@ __all__ = [
     "moments_toward_neighbours",
     "nodes_against_deck",
     "nodes_times_deck",
+    "order_that_shows",
     "points_against_deck",
     "ratio_in_words",
     "statement_of",

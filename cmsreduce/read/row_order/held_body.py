@@ -46,12 +46,16 @@ class HeldRows:
         Nodes next to the ground, whose rows nothing proves.
     wrong : (w,) int64
         Nodes that resist rotation of the body and no translation, far from dofs without rows.
+    far : (p,) int64
+        Held nodes that resist translation, if all of them are farther from the supports than from nodes that they
+        couple.
     """
 
     found: RigidResidual
     proven: NDArray[np.int64]
     held: NDArray[np.int64]
     wrong: NDArray[np.int64]
+    far: NDArray[np.int64]
 
 
 def held_rows(body: FEModel, nodes: Nodes, condensed: bool, matrix: sp.csc_array | None = None) -> HeldRows:
@@ -133,30 +137,43 @@ def _sorted(body: FEModel, nodes: Nodes, A: sp.csc_array, found: RigidResidual) 
     own = found.force[rows, 3:] - np.einsum("rt,rjt->rj", found.force[rows, :3], by_arm[of])
     # A motion that is not tried has no force about any place.
     own *= abs(found.motions[3:]).max(axis=1) > _NO_FORCE
-    sprung = ~_any(~turning & (abs(own).max(axis=1) > limit), of, ids.size)
+    sprung = ~_any(~turning & (abs(own).max(axis=1) > limit), of, ids.size) & _as_spring(body, found, rows, of, limit)
     whole = _whole(body, ids, A)
     wrong = resists & ~pushed & across & whole
     if wrong.any():
-        beside = _beside_supports(body, nodes, ids[wrong], A)
+        beside = _beside(body, nodes, ids[wrong], A, _supports(body, nodes))
         beside[beside] = ~_exchanged_around(body, ids[wrong][beside], A, found)
         wrong[wrong] = ~beside
     proven = ~resists | (pushed & sprung) | (~pushed & ~across)
-    return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong])
+    far = ids[pushed & ~proven & ~wrong]
+    supports = np.union1d(_supports(body, nodes), np.flatnonzero(~np.isin(nodes.id, ids)))
+    if not supports.size or _beside(body, nodes, far, A, supports).any():
+        far = far[:0]
+    return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong], far)
 
 
-def _beside_supports(body: FEModel, nodes: Nodes, ids: NDArray[np.int64], A: sp.csc_array) -> NDArray[np.bool_]:
+def _supports(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
+    """Positions of nodes with translations at rest."""
+    if body.constrained is None:
+        return np.zeros(0, dtype=np.int64)
+    translations = (body.constrained.component > 0) & (body.constrained.component <= 3)
+    held = nodes.index(body.constrained.node[translations])
+    return np.asarray(held[held >= 0])
+
+
+def _beside(
+    body: FEModel, nodes: Nodes, ids: NDArray[np.int64], A: sp.csc_array, supports: NDArray[np.int64]
+) -> NDArray[np.bool_]:
     """True for nodes (k,) that are as near to a support as to the farthest node that a matrix couples them with.
 
     Solids of second order may share an element with a support whose forces under translation cancel, as in a regular
-    mesh of wedges.
+    mesh of wedges. Supports are positions of nodes.
     """
-    if body.constrained is None:
+    if not supports.size or not ids.size:
         return np.zeros(ids.size, dtype=np.bool_)
     # Imported here: it loads libraries that a body without such nodes does not need.
     from scipy.spatial import cKDTree
 
-    translations = (body.constrained.component > 0) & (body.constrained.component <= 3)
-    held = nodes.index(body.constrained.node[translations])
     rows = np.flatnonzero(np.isin(body.dofs.node, ids) & (body.dofs.component > 0))
     part = A[:, rows]
     column = np.repeat(rows, np.diff(part.indptr))
@@ -165,7 +182,7 @@ def _beside_supports(body: FEModel, nodes: Nodes, ids: NDArray[np.int64], A: sp.
     place = nodes.xyz[nodes.index(ids)]
     away = np.linalg.norm(nodes.xyz[nodes.index(node)] - nodes.xyz[nodes.index(other)], axis=1)
     reach = _largest(away, np.searchsorted(ids, node), ids.size)
-    nearest = cKDTree(nodes.xyz[held[held >= 0]]).query(place)[0]
+    nearest = cKDTree(nodes.xyz[supports]).query(place)[0]
     return np.asarray(nearest <= (1 + _ONE_PLACE) * reach)
 
 
@@ -211,6 +228,28 @@ def _exchanged_around(
         wanted = shapes[near[sure]] - np.linalg.solve(blocks[sure], np.broadcast_to(force, (sure.sum(), 3, 3)))
         exchanged[k] = np.any(places.query(wanted.reshape(-1, 9))[0] <= _ONE_PLACE)
     return exchanged
+
+
+def _as_spring(
+    body: FEModel, found: RigidResidual, rows: NDArray[np.int64], of: NDArray[np.int64], limit: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """True for nodes whose forces under translation are those of a spring: symmetric, and none pushes.
+
+    Rows of one node in another order load it as no spring does. ``rows`` and their nodes ``of`` are those of points,
+    ``limit`` the forces that round-off may leave.
+    """
+    moving = body.dofs.component[rows] <= 3
+    rows, of, count = rows[moving], of[moving], int(of.max(initial=-1)) + 1
+    spring, along = np.zeros((2, count, 3, 3))
+    axis = body.rigid_shapes[rows][:, :3, None]
+    np.add.at(spring, of, axis * found.force[rows][:, None, :3])
+    np.add.at(along, of, axis * axis.transpose(0, 2, 1))
+    # A direction without a row has no force.
+    spring = spring @ along
+    off = np.maximum(_largest(limit[moving], of, count), _NO_FORCE * abs(spring).max(axis=(1, 2)))
+    even = abs(spring - spring.transpose(0, 2, 1)).max(axis=(1, 2)) <= 2 * off
+    least = np.linalg.eigvalsh((spring + spring.transpose(0, 2, 1)) / 2)[:, 0]
+    return np.asarray(even & (least >= -2 * off))
 
 
 def _without_rows(dofs: DofTable) -> DofTable | None:

@@ -1,13 +1,68 @@
-"""Result of the proof of the row order."""
+"""Result of the proof of the row order, and the rows that it leaves out."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel
-from cmsreduce.read.row_order.rows_of_nodes import NONE_HIDDEN, HiddenRows
 
-__all__ = ["RowOrderProof"]
+__all__ = ["NONE_HIDDEN", "HiddenRows", "RowOrderProof", "hidden_rows"]
+
+_NAMED = 5
+
+
+class HiddenRows(NamedTuple):
+    """Rows whose order neither forces against rigid motion nor couplings show.
+
+    Parameters
+    ----------
+    rows : (k,) int64
+        Their numbers, in order.
+    total : int
+        Rows of the body.
+    remark : str
+        The rows, and the reason.
+    turning : bool
+        True if forces under uniform strain do not show these either: rotations, and rows beside supports.
+    """
+
+    rows: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+    total: int = 0
+    remark: str = ""
+    turning: bool = False
+
+    @property
+    def only(self) -> str:
+        """Rows whose order is proven, in words; empty if there are no others."""
+        return f"{self.total - self.rows.size} of {self.total} rows" if self.rows.size else ""
+
+    @property
+    def every(self) -> bool:
+        """True if no row is proven."""
+        return 0 < self.total == self.rows.size
+
+    def joined(self, other: HiddenRows) -> HiddenRows:
+        """The rows of both."""
+        if not (self.rows.size and other.rows.size):
+            return self if self.rows.size else other
+        rows = np.union1d(self.rows, other.rows)
+        return HiddenRows(rows, self.total, f"{self.remark}; {other.remark}", self.turning or other.turning)
+
+
+NONE_HIDDEN = HiddenRows()
+"""Every row is shown."""
+
+
+def hidden_rows(body: FEModel, rows: NDArray[np.int64], why: str, turning: bool = True) -> HiddenRows:
+    """Rows of a body that a proof leaves out, and the reason, in words that follow their names."""
+    if not rows.size:
+        return NONE_HIDDEN
+    named = ", ".join(body.dofs[rows[:_NAMED]].labels)
+    return HiddenRows(rows, body.n, f"{rows.size} rows ({named}{' ...' if rows.size > _NAMED else ''}) {why}", turning)
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,6 @@ An exchange of two of them couples nodes that no other rows of these nodes coupl
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -15,8 +13,9 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel, Nodes, rigid_body_shapes
 from cmsreduce.read.row_order.mass_order import COUPLED, DIGITS
+from cmsreduce.read.row_order.row_order_proof import NONE_HIDDEN, HiddenRows, hidden_rows
 
-__all__ = ["NONE_HIDDEN", "HiddenRows", "prove_rows_of_nodes"]
+__all__ = ["prove_rows_of_nodes"]
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -38,31 +37,6 @@ _FARTHER = 1e-3
 _NAMED = 5
 # Makes one number of a kind and a sum of random numbers: odd, of 64 random bits.
 _MIXING = np.uint64(0x9E3779B97F4A7C15)
-
-
-class HiddenRows(NamedTuple):
-    """Rows whose order neither forces against rigid motion nor couplings show.
-
-    Parameters
-    ----------
-    only : str
-        Rows whose order is proven, in words; empty if there are no others.
-    remark : str
-        The others.
-    every : bool
-        True if no row is proven.
-    turning : bool
-        True if rotations are among the others; forces under uniform strain do not show these.
-    """
-
-    only: str = ""
-    remark: str = ""
-    every: bool = False
-    turning: bool = False
-
-
-NONE_HIDDEN = HiddenRows()
-"""Every row is shown."""
 
 
 def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> HiddenRows:
@@ -107,14 +81,11 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> 
             "rigid motion costs no force in both orders. Give the order of the rows as a list of node.component under "
             "`rows:`. Scalar springs or ties between these nodes may look the same"
         )
-    return HiddenRows(
-        f"{body.n - hidden.size} of {body.n} rows",
-        f"{hidden.size} rows ({', '.join(labels[k] for k in hidden[:_NAMED])}"
-        f"{' ...' if hidden.size > _NAMED else ''}) move under rigid motion as rows of other nodes do, and what they "
-        "couple does not tell their nodes apart: an exchange of such rows would not show",
-        hidden.size == body.n,
-        not moving[hidden].all(),
+    why = (
+        "move under rigid motion as rows of other nodes do, and what they couple does not tell their nodes apart: an "
+        "exchange of such rows would not show"
     )
+    return hidden_rows(body, hidden, why, turning=not moving[hidden].all())
 
 
 def _of_several_surroundings(body: FEModel, at: Indices) -> Flags:

@@ -1,0 +1,126 @@
+"""Order of the rows of each node in a mass matrix, and other orders of the nodes that couple the same pairs.
+
+Pairs of nodes show neither which row of a node is which, nor a mirror image of a regular mesh.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import FEModel, cross_matrix, each_once
+from cmsreduce.pipeline.evidence.mass_against_deck import away_from_supports
+
+__all__ = ["order_that_shows"]
+
+Array = NDArray[np.float64]
+
+# Of the mass of a node, or of its inertia: what is more is another direction.
+_SAME = 1e-6
+# Roundings of the file that add up over a node.
+_ROUNDINGS = 1e3
+# Distance of nodes at one place, relative to the size of the body.
+_ONE_PLACE = 1e-5
+
+
+def order_that_shows(body: FEModel, whose: str) -> tuple[str, str]:
+    """What of the order of a mass is shown where its pairs of nodes are, and a remark on the rest.
+
+    Parameters
+    ----------
+    body : FEModel
+        With its mass without masses at single nodes that are known.
+    whose : str
+        Nodes whose pairs show them, in words; empty for all.
+    """
+    if not _have_one_mass(body):
+        rest = "the masses of nodes differ by direction, or rows of single nodes are in another order"
+        return f"order of {whose or 'nodes'}", f"; {rest}, so that nothing shows which row of a node is which"
+    if not whose and _mirrored(body):
+        rest = "the masses of nodes in the place of their mirror images would couple the same pairs"
+        return "order or its mirror image", f"; {rest}"
+    return f"order of {whose}" if whose else "order", ""
+
+
+def _have_one_mass(body: FEModel) -> bool:
+    """True if every node away from supports has one mass in all directions, and an inertia that resists turning.
+
+    Under translation such a node has a momentum along it, and a moment of momentum across it. Rotation about the node
+    gives a symmetric inertia. Rows of one node in each other's place do not.
+    """
+    assert body.nodes is not None
+    ids = each_once(body.dofs.node[body.dofs.component > 0])
+    rows = body.dofs.rows(ids[:, None], np.arange(1, 7)).reshape(-1, 6)
+    full = (rows[:, :3] >= 0).all(axis=1) & away_from_supports(body, ids)
+    ids, rows = ids[full], rows[full]
+    if not ids.size:
+        return False
+    at, least = body.nodes.index(ids), max(_SAME, _ROUNDINGS * body.rounding)
+    frame = body.nodes.frame[at]
+
+    def at_nodes(part: NDArray[np.int64], motions: slice) -> Array:
+        """Momentum (k, 3, 3) of three rows of each node along basic axes, under three motions; zero without rows."""
+        there = (part >= 0)[:, :, None]
+        return np.asarray(np.einsum("kra,krm->kam", frame, np.where(there, body.rigid_momentum[part, motions], 0.0)))
+
+    moving = at_nodes(rows[:, :3], slice(3))
+    mass = np.trace(moving, axis1=1, axis2=2) / 3
+    off = abs(moving - mass[:, None, None] * np.eye(3)).max(axis=(1, 2))
+    if (off > least * abs(mass).max()).any():
+        return False
+    turning = rows[:, 3:]
+    if not (turning >= 0).any():
+        return True
+    arm = cross_matrix(body.nodes.xyz[at])
+    moment = at_nodes(turning, slice(3))
+    inertia = at_nodes(turning, slice(3, 6)) + moment @ arm
+    size = float(abs(inertia).max())
+    uneven = abs(inertia - inertia.transpose(0, 2, 1)).max()
+    weight = np.linalg.eigvalsh((inertia + inertia.transpose(0, 2, 1)) / 2)
+    whole = (turning >= 0).all(axis=1)
+    skew = abs(moment + moment.transpose(0, 2, 1))[whole].max(initial=0.0)
+    return bool(
+        uneven <= least * size
+        and weight.min() >= -least * size
+        and skew <= least * max(float(abs(moment).max()), np.sqrt(size * float(abs(mass).max())))
+    )
+
+
+def _mirrored(body: FEModel) -> bool:
+    """True if the masses of nodes in the place of their mirror images would couple the same pairs, and differ.
+
+    Mirrors are across basic axes through the middle of the nodes, and their products.
+    """
+    assert body.nodes is not None
+    # Imported here: it loads libraries that few bodies need.
+    from scipy.spatial import cKDTree
+
+    ids = each_once(body.dofs.node[body.dofs.component > 0])
+    xyz = body.nodes.xyz[body.nodes.index(ids)]
+    low, high = xyz.min(axis=0), xyz.max(axis=0)
+    x, size = xyz - (low + high) / 2, float((high - low).max()) or 1.0
+    tree = cKDTree(x)
+    pairs = abs(body.K) + abs(body.M)
+    scale = np.sqrt(abs(body.M.diagonal()))
+    least = max(_SAME, _ROUNDINGS * body.rounding)
+    for signs in list(product((1.0, -1.0), repeat=3))[1:]:
+        away, to = tree.query(x * signs)
+        if away.max() > _ONE_PLACE * size or np.array_equal(to, np.arange(ids.size)):
+            continue
+        place = np.searchsorted(ids, body.dofs.node)
+        known = np.isin(body.dofs.node, ids) & (body.dofs.component > 0)
+        order = np.where(
+            known, body.dofs.rows(ids[to[np.minimum(place, ids.size - 1)]], body.dofs.component), np.arange(body.n)
+        )
+        if (order < 0).any():
+            continue
+        M = body.M[order][:, order]
+        M.eliminate_zeros()
+        if M.multiply(pairs).count_nonzero() < M.count_nonzero():
+            continue
+        other = abs(M - body.M).tocoo()
+        if (other.data > least * scale[other.row] * scale[other.col]).any():
+            return True
+    return False
