@@ -10,29 +10,33 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-import scipy.sparse as sp
-from numpy.typing import NDArray
-
 from cmsreduce.assemble import body_points, body_ports, modal_substructure, rigid_substructure
 from cmsreduce.balance import Ranking
+from cmsreduce.body_in_memory import (
+    FaceLike,
+    MatrixLike,
+    RowsLike,
+    faces_in_memory,
+    law_in_memory,
+    matrix_in_memory,
+    rows_in_memory,
+)
 from cmsreduce.config import (
     CLOSED_LOOP,
     SYSTEM_COST,
     Pipeline,
     build_scene,
     check_name,
-    parse_ratio,
     pipeline_from_keys,
 )
-from cmsreduce.errors import ConfigError, DampingError, SceneError, UnitsError
+from cmsreduce.errors import ConfigError, SceneError, UnitsError
 from cmsreduce.model import SI, Damping, FEModel, ModalComponent, ReducedComponent, Units
 from cmsreduce.models_in_memory import AssembledSystem, Component
 from cmsreduce.orthogonalise import orthogonalise as orthonormal_modes
 from cmsreduce.pipeline.bodies import read_rigid
 from cmsreduce.pipeline.choose import ranked, ranking_channels, select, truncate
 from cmsreduce.pipeline.system import AssembledModel
-from cmsreduce.read import InterfaceSpec, MatrixSource, files_read, prove_mass_order
+from cmsreduce.read import files_read, prove_mass_order
 from cmsreduce.read import read_body as read_from_files
 from cmsreduce.verify import rigid_shapes
 from cmsreduce.write import write_component as write_component_file
@@ -40,7 +44,6 @@ from cmsreduce.write import write_component as write_component_file
 __all__ = ["assemble", "balance", "orthogonalise", "read_body", "write_component"]
 
 Keys = Mapping[str, Any]
-MatrixLike = str | Path | tuple[str | Path, str] | MatrixSource | NDArray[np.float64] | sp.sparray | sp.spmatrix
 
 # Every mode of the bodies is used, so that the band of the scene decides nothing; the grammar asks for one.
 _ANY_BAND = "1 Hz"
@@ -52,8 +55,8 @@ def read_body(
     stiffness: MatrixLike,
     mass: MatrixLike,
     geometry: str | Path | None = None,
-    interfaces: Mapping[str, int | Sequence[int] | InterfaceSpec] | None = None,
-    rows: str | Path | Sequence[str] | None = None,
+    interfaces: Mapping[str, FaceLike] | None = None,
+    rows: RowsLike | None = None,
     damping: float | str | Damping | None = None,
     damping_matrix: MatrixLike | None = None,
     units: str | Units = SI,
@@ -70,11 +73,12 @@ def read_body(
         Matrices (n, n) in ``units``. The name is needed where a file holds several matrices.
     geometry : path, optional
         Deck or mesh with the nodes.
-    interfaces : mapping of name to node id or node ids, optional
-        Nodes at which joints attach; each takes all dofs of its nodes. An `InterfaceSpec` states dofs or axes.
-    rows : path, str or sequence of str, optional
-        Dof of each row: a dof set of the deck such as ``a``, a file, or texts ``NODE.COMPONENT`` with components
-        1 to 6. By default the files state the rows.
+    interfaces : mapping of name to node id, node ids or mapping, optional
+        Nodes at which joints attach; each takes all dofs of its nodes. A mapping has the keys of a pipeline file, such
+        as ``{"near": [0, 0, 0.2], "within": 0.01, "tie": "rigid"}``.
+    rows : path, str, sequence of str or of pairs, optional
+        Dof of each row: a dof set of the deck such as ``a``, a file, or texts ``NODE.COMPONENT`` or pairs of both, with
+        components 1 to 6. By default the files state the rows.
     damping : float, str or Damping, optional
         Damping ratio of every elastic mode, such as 0.005 or ``0.5 %``, or another law.
     damping_matrix : as ``stiffness``, optional
@@ -101,52 +105,25 @@ def read_body(
             f"read_body: geometry is the name of a deck or mesh, found {type(geometry).__name__}; write nodes that are "
             "in memory to a text file: a line `Node<tab>X<tab>Y<tab>Z`, then a line of number and place for each"
         )
-    specs = {}
-    for label, nodes in (interfaces or {}).items():
-        ids = nodes if isinstance(nodes, (InterfaceSpec, Sequence)) else (int(nodes),)
-        specs[label] = ids if isinstance(ids, InterfaceSpec) else InterfaceSpec(tuple(ids))
+    units = Units.parse(units) if isinstance(units, str) else units
+    faces = faces_in_memory(name, interfaces or {}, units)
     with TemporaryDirectory() as folder, files_read():
-        if rows is not None and not isinstance(rows, (str, Path)):
-            listed = Path(folder) / "rows.txt"
-            listed.write_text("\n".join(rows), encoding="utf-8")
-            rows = listed
+        damper = None if damping_matrix is None else matrix_in_memory("damping", damping_matrix, Path(folder))
         body = read_from_files(
             name,
-            stiffness=_source(stiffness, Path(folder) / "stiffness.npz"),
-            mass=_source(mass, Path(folder) / "mass.npz"),
+            stiffness=matrix_in_memory("stiffness", stiffness, Path(folder)),
+            mass=matrix_in_memory("mass", mass, Path(folder)),
             geometry=None if geometry is None else Path(geometry),
-            rows=rows,
-            damping=_law(damping),
-            damping_matrix=None if damping_matrix is None else _source(damping_matrix, Path(folder) / "damping.npz"),
-            units=Units.parse(units) if isinstance(units, str) else units,
+            rows=rows_in_memory(rows, Path(folder)),
+            damping=law_in_memory(damping),
+            damping_matrix=damper,
+            units=units,
             grounded=grounded,
             rows_trusted=rows_trusted,
-            interfaces=specs,
+            interfaces=faces.specs,
         )
     prove_mass_order(body)
-    return body
-
-
-def _law(damping: float | str | Damping | None) -> Damping | None:
-    """Law of a body from one ratio of all its modes; another law stays as it is."""
-    if damping is None or isinstance(damping, Damping):
-        return damping
-    ratio = parse_ratio(damping)
-    if not isinstance(ratio, (int, float)):
-        raise DampingError(f"damping '{damping}' is not a ratio, such as 0.005 or '0.5 %'")
-    return Damping(modal=ratio)
-
-
-def _source(matrix: MatrixLike, temporary: Path) -> MatrixSource:
-    """File of a matrix; a matrix in memory is written to a temporary file, which is read as any other."""
-    if isinstance(matrix, MatrixSource):
-        return matrix
-    if isinstance(matrix, (str, Path)):
-        return MatrixSource(Path(matrix))
-    if isinstance(matrix, tuple):
-        return MatrixSource(Path(matrix[0]), matrix[1])
-    sp.save_npz(temporary, sp.csc_array(matrix), compressed=False)
-    return MatrixSource(temporary)
+    return faces.tied(body)
 
 
 def orthogonalise(reduced: ReducedComponent) -> Component:

@@ -10,6 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse as sp
 from click.testing import CliRunner
 from pyyeti.nastran import op4
@@ -17,6 +18,7 @@ from pyyeti.nastran import op4
 import cmsreduce as cms
 from cmsreduce.cli import main
 from cmsreduce.errors import SceneError
+from tests.solids import block
 
 ROOT = Path(__file__).parents[1]
 SAMPLE = ROOT / "sample_models" / "hub_beams"
@@ -284,3 +286,56 @@ def test_nodes_in_memory_are_refused_with_the_file_to_write(tmp_path: Path) -> N
     path = tmp_path / "nodes.txt"
     path.write_text("Node\tX\tY\tZ\n1\t0\t0\t0\n2\t1\t0\t0\n")
     np.testing.assert_array_equal(cms.read_body("rod", geometry=path, rows_trusted=True, **given).nodes.xyz, xyz)
+
+
+def solid_in_memory(folder: Path) -> dict[str, object]:
+    """Arguments of `read_body` for a block of bricks; rows are pairs of node and component."""
+    body = block("bar", [0.4, 0.1, 0.1], (4, 1, 1))
+    lines = (
+        f"{node}\t{x!r}\t{y!r}\t{z!r}" for node, (x, y, z) in zip(body.nodes.id, body.nodes.xyz.tolist(), strict=True)
+    )
+    (folder / "nodes.txt").write_text("\n".join(["Node\tX\tY\tZ", *lines]) + "\n")
+    rows = np.stack([body.dofs.node, body.dofs.component], axis=1)
+    return {"stiffness": body.K, "mass": body.M, "geometry": folder / "nodes.txt", "rows": rows}
+
+
+def test_interfaces_in_memory_have_the_keys_of_a_file(tmp_path: Path) -> None:
+    """A face near a point, tied to it: the dense congruence by its rigid motions. Places and ties were a TypeError."""
+    given = solid_in_memory(tmp_path)
+    free = cms.read_body("bar", **given)
+    tip = np.flatnonzero(free.nodes.xyz[:, 0] > 0.39)
+    faces = {"root": free.nodes.id[:2], "tip": {"near": [0.4, 0.05, 0.05], "within": 0.08, "tie": "rigid"}}
+    tied = cms.read_body("bar", **given, interfaces=faces)
+    assert tied.interfaces["root"].node.tolist() == free.nodes.id[:2].tolist()
+    arms = free.nodes.xyz[tip] - free.nodes.xyz[tip].mean(axis=0)
+    stiff = np.vstack([np.hstack([np.eye(3), np.cross(np.eye(3), arm).T]) for arm in arms])
+    own = np.isin(free.dofs.node, free.nodes.id[tip])
+    T = np.zeros((free.n, free.n - own.sum() + 6))
+    T[~own, :-6], T[own, -6:] = np.eye(free.n - own.sum()), stiff
+    expected, found = (
+        la.eigh(K, M, eigvals_only=True)[6:12]
+        for K, M in ((T.T @ free.K @ T, T.T @ free.M @ T), (tied.K.toarray(), tied.M.toarray()))
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"mass": np.ones(60)}, "mass is the name of a file, .* of 1 dimensions .*; write a lumped one as scipy"),
+        ({"stiffness": {"file": "a.op4"}}, "stiffness is the name of a file, .*, found dict"),
+        ({"stiffness": np.full((60, 60), "a", dtype=object)}, "type object"),
+        ({"rows": [(1, 1), (1, 2, 3)]}, "row 2 is .*; write a text such as '12.3', or a pair"),
+        ({"rows": ["1.1", 12.3]}, "row 2 is 12.3; write a text"),
+        ({"interfaces": {"tip": [0.4, 0.0, 0.0]}}, "interface 'tip' is a node, nodes, or a mapping such as"),
+        ({"interfaces": {"tip": {"near": [0.4, 0, 0], "witin": 0.1}}}, "tip.witin' is unknown: did you mean 'within'"),
+        (
+            {"interfaces": {"tip": {"position": [0.4, 0, 0]}}},
+            "an interface of a flexible body is given by node, nodes, set or near",
+        ),
+    ],
+)
+def test_arguments_of_another_kind_are_named(tmp_path: Path, changed: dict[str, object], said: str) -> None:
+    """They ended in a TypeError or ValueError of numpy or scipy."""
+    with pytest.raises(cms.CmsReduceError, match=said):
+        cms.read_body("bar", **{**solid_in_memory(tmp_path), **changed})

@@ -9,7 +9,7 @@ __all__ = ["ROOMS", "api_page"]
 
 ROOMS = (
     *("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write", "report", "simulate"),
-    *("pipeline", "config", "model", "errors", "runs", "steps", "models_in_memory"),
+    *("pipeline", "config", "model", "errors", "runs", "steps", "models_in_memory", "body_in_memory"),
 )
 """The rooms in the order of the data flow, then those that join them, the data, and the front door."""
 

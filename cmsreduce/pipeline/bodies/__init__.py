@@ -8,7 +8,7 @@ from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, in_scene, pr
 from cmsreduce.pipeline.bodies.body_damping import damping_health, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
 from cmsreduce.pipeline.bodies.body_proofs import RIGID_MOTIONS
-from cmsreduce.pipeline.bodies.from_keys import read_rigid
+from cmsreduce.pipeline.bodies.from_keys import interface_specs, read_rigid, tied_body
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
 from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
@@ -28,6 +28,8 @@ from cmsreduce.pipeline.bodies.spinning import spin_notes
 from cmsreduce.pipeline.bodies.wireframe import cells_of, wireframe
 
 __all__ = [
+    "interface_specs",
+    "tied_body",
     "ALL_MODES_LIMIT",
     "BodyHealth",
     "FlexibleBody",

@@ -23,7 +23,7 @@ from cmsreduce.read import (
     with_inner_grids,
 )
 
-__all__ = ["AsRead", "body_as_read", "read_rigid", "recovered_body", "tied_body"]
+__all__ = ["AsRead", "body_as_read", "interface_specs", "read_rigid", "recovered_body", "tied_body"]
 
 
 class AsRead(NamedTuple):
@@ -64,7 +64,7 @@ def body_as_read(name: str, part: Component, units: Units) -> AsRead:
     CmsReduceError
         If a file cannot be read, or the keys contradict it.
     """
-    interfaces = {label: _interface(label, name, keys, units) for label, keys in part.interfaces.items()}
+    interfaces = interface_specs(name, part, units)
     if part.in_modes:
         modal = modal_input(name, part, units)
         body = in_dofs(modal, interfaces)
@@ -177,6 +177,17 @@ def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
         if (turned := [wheel for wheel in part.wheels if f"{name}.{wheel}" in keys.wheels])
     }
     return replace(rigid_in_units(body, scene.units), momentum=momentum, spun=spun)
+
+
+def interface_specs(name: str, part: Component, units: Units) -> dict[str, InterfaceSpec]:
+    """Interfaces of the keys of a component, in units of length of its files.
+
+    Raises
+    ------
+    SceneError
+        If one is at a position that no tie joins with nodes.
+    """
+    return {label: _interface(label, name, keys, units) for label, keys in part.interfaces.items()}
 
 
 def _interface(label: str, body: str, keys: InterfaceKeys, units: Units) -> InterfaceSpec:
