@@ -119,18 +119,18 @@ class FreeMass:
         return float(worst / mass) if mass > 0 else float("inf")
 
 
-def free_mass(body: FEModel) -> FreeMass:
-    """Mass that moves with rigid motions of a body with geometry."""
+def free_mass(body: FEModel, beside: bool = False) -> FreeMass:
+    """Mass that moves with rigid motions of a body with geometry; ``beside`` if some nodes stand next to the ground."""
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass matrix cannot be compared with a rigid one")
     R = body.rigid_shapes
     size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
-    along = _moving_directions(body, body.nodes)
+    along = _moving_directions(body, body.nodes, beside)
     condensed = not body.keeps_its_nodes or bool((body.dofs.component == SCALAR).any())
     return FreeMass(along, R.T @ body.rigid_momentum, size, turns=along.size == R.shape[1] // 2 or not condensed)
 
 
-def _moving_directions(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
+def _moving_directions(body: FEModel, nodes: Nodes, beside: bool) -> NDArray[np.int64]:
     """Directions of `FreeMass`. An average tie takes single translations of its nodes, which follow the others."""
     heavy = each_once(body.dofs.node[body.M.diagonal() > 0])
     dofs = body.recovery.dofs
@@ -147,7 +147,8 @@ def _moving_directions(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
         held = body.constrained[(body.constrained.component > 0) & (nodes.index(body.constrained.node) >= 0)]
         free &= abs(rigid_body_shapes(held, nodes)[held.component <= 3, :3]).max(axis=0, initial=0.0) < _WHOLE
     if body.grounded:
-        free &= bool(np.isin(nodes.id, body.dofs.node).all())
+        # Held nodes may be absent from the geometry, too; springs to ground of nodes take no mass.
+        free &= not beside and bool(np.isin(nodes.id, body.dofs.node).all())
     return np.flatnonzero(free)
 
 

@@ -251,7 +251,7 @@ def _mass(
             return [check], Proof("mass", "refuted", remark=f"{name}: {check.note}")
         body = tied = replace(body, M=rest)
         apart = "; masses of the deck that differ by direction were taken out before"
-    checks, wrong = _one_mass(tied), f"{negative} motions have negative energy" if negative else ""
+    checks, wrong = _one_mass(tied, rows.beside > 0), f"{negative} motions have negative energy" if negative else ""
     modal = order.status == "modal"
     ordered, evidence = modal or order.status == "proven", order.remark
     # At a corner of a mesh, nodes of one element alone couple with the same nodes; the order of all others is proven.
@@ -338,9 +338,9 @@ def _figures(body: FEModel) -> str:
     return f"mass {found.mass.max():.6g}, centre ({centre}), inertia ({moments}) in {units.name}, and its frequencies"
 
 
-def _one_mass(body: FEModel) -> list[Finding]:
+def _one_mass(body: FEModel, beside: bool) -> list[Finding]:
     """One mass in all directions at one place, with an inertia that mass can have."""
-    free = free_mass(body)
+    free = free_mass(body, beside)
     along = free.along
     if along.size < 2:
         return []

@@ -113,6 +113,7 @@ def held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
             "grounded",
             remark=f"{why} the body: {held.held.size} of {total} nodes are next to the ground or condensed, so that "
             "nothing proves the order of their rows",
+            beside=held.held.size,
         )
     if flat is not None:
         # Rows that resist motions across the plane, and whose order those in it do not show.
@@ -137,4 +138,5 @@ def held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
         f"{why} the body: {held.proven.size} of {total} nodes resist rigid motion {in_plane}only as a support "
         f"of their own does{beside}",
         hidden=hidden_rows(body, unseen_rows(body, found, held.held), _UNSEEN),
+        beside=held.held.size,
     )

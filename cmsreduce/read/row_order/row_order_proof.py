@@ -91,6 +91,8 @@ class RowOrderProof:
         Error of the coordinates, beyond the digits that they show, that explains the forces; 0 without a proof.
     hidden : HiddenRows
         Rows that a proof leaves out.
+    beside : int
+        Nodes of a held body that stand next to dofs without rows.
     """
 
     status: str
@@ -103,6 +105,7 @@ class RowOrderProof:
     exact: bool = False
     xyz_rounding: float = 0.0
     hidden: HiddenRows = NONE_HIDDEN
+    beside: int = 0
 
     def estimated(self, body: FEModel) -> FEModel:
         """The body with the errors of K and of the coordinates that the proof found."""
