@@ -16,7 +16,7 @@ NO_MODEL = "name the matrices and the deck or mesh of the body"
 SAVE = "`scipy.io.savemat('body.mat', {{'K': K, 'M': M}})` saves matrices to a file that is read"
 OCTAVE = "`save -v7 body.mat K M` in Octave writes a file that is read"
 
-UNREAD_MESHES = frozenset({"aster", "freefem-mesh", "gmsh-1", "ls-dyna", "mfem-mesh", "vtk-grid"})
+UNREAD_MESHES = frozenset({"aster", "femap", "freefem-mesh", "gmsh-1", "ls-dyna", "mfem-mesh", "radioss", "vtk-grid"})
 """Names of marks of files that have nodes, which are not read."""
 
 
@@ -111,6 +111,18 @@ MARKS = (
         "ls-dyna",
         "an LS-DYNA keyword file",
         _matches(rb"^\*KEYWORD\b"),
+        "write the mesh as NASTRAN bulk data, and the matrices as DMIG",
+    ),
+    _Mark(
+        "femap",
+        "a neutral file of Femap",
+        _matches(rb"\A\s*-1[^\S\n]*\n[^\S\n]*100[^\S\n]*\n"),
+        "export the mesh as NASTRAN bulk data",
+    ),
+    _Mark(
+        "radioss",
+        "a starter file of Radioss",
+        _matches(rb"\A(?:[#$][^\n]*\n)*(?:#RADIOSS|/BEGIN\b)"),
         "write the mesh as NASTRAN bulk data, and the matrices as DMIG",
     ),
     _Mark(

@@ -66,6 +66,8 @@ CONTENT = {
     "inp": b"*HEADING\na bracket\n*NODE\n1, 0., 0., 0.\n",
     "freefem": printed(K).encode(),
     "freefem-mesh": b"4 2 4\n0 0 4\n1 0 1\n0 0.125 1\n1 0.125 3\n1 2 4 0\n1 4 3 0\n1 2 1\n",
+    "femap": b"   -1\n   100\n<NULL>\n9.3,\n   -1\n   -1\n   403\n1,0,0,1,46,0,0,0,0,0,0,0.,0.,0.,0,\n   -1\n",
+    "radioss": b"#RADIOSS STARTER\n/BEGIN\nbracket\n/NODE\n         1       0.0       0.0       0.0\n",
     "gmsh-1": b"$NOD\n3\n1 0 0 0\n2 1 0 0\n3 0 1 0\n$ENDNOD\n$ELM\n1\n1 2 0 1 3 1 2 3\n$ENDELM\n",
     "ls-dyna": b"*KEYWORD\n*ELEMENT_DIRECT_MATRIX_INPUT\n         1         0         0\ndmig.dat\n",
     "mfem-mesh": b"MFEM mesh v1.0\n\n#\n# MFEM Geometry Types (see fem/geom.hpp):\n",

@@ -20,7 +20,8 @@ from cmsreduce.read.printed_numbers import coordinate_rounding, decimals, real_n
 __all__ = ["UNIVERSAL", "universal_arrays"]
 
 # The mark of a dataset, then its number.
-_START = re.compile(r"\s*-1[^\S\n]*\n[^\S\n]*\d{2,5}[bB]?\s")
+# Neutral files of Femap have such blocks, too; their first one is 100.
+_START = re.compile(r"\s*-1[^\S\n]*\n[^\S\n]*(?!100\s)\d{2,5}[bB]?\s")
 # The line before and behind each dataset, and what pyuff takes for it: the end of a line of numbers, too.
 _LINE, _TAKEN = re.compile(rb"^ {4}-1[ \t]*\r?$", re.MULTILINE), re.compile(rb" {4}-1(?=[\r\n]|\Z| {74})")
 # Dataset 164: code and description of the units, then how many of them a metre, a newton and a kelvin are, in
