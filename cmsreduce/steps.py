@@ -6,6 +6,7 @@ Each function takes plain values and calls the stage of its name; nothing is com
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from numbers import Integral
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -29,7 +30,7 @@ from cmsreduce.config import (
     check_name,
     pipeline_from_keys,
 )
-from cmsreduce.errors import ConfigError, SceneError, UnitsError
+from cmsreduce.errors import ConfigError, DofMapError, SceneError, UnitsError
 from cmsreduce.model import SI, Damping, FEModel, ModalComponent, ReducedComponent, Units
 from cmsreduce.models_in_memory import AssembledSystem, Component
 from cmsreduce.orthogonalise import orthogonalise as orthonormal_modes
@@ -173,7 +174,7 @@ def balance(
     CmsReduceError
         If a key is wrong, a mode has no damping that the ranking needs, or the rule needs the whole system.
     """
-    rule = {"modes": keep} if isinstance(keep, int) else keep
+    rule = {"modes": int(keep)} if isinstance(keep, Integral) else keep
     name = rank if isinstance(rank, str) else rank.name
     # The keys need the name of a ranking; modal-gain needs no damping, and the user's own ranking replaces it.
     wanted = {"rank": rank if isinstance(rank, str) else "modal-gain", "keep": rule, **keys}
@@ -295,7 +296,16 @@ def write_component(
         Nodes whose shapes are written beside those of the interfaces.
     all_nodes : bool
         Write the shapes of every node.
+
+    Raises
+    ------
+    DofMapError
+        If the body has none of these nodes.
     """
+    body = component.body
+    known = {*body.recovery.dofs.node_ids.tolist(), *(() if body.nodes is None else body.nodes.id.tolist())}
+    if missing := [node for node in nodes if node not in known]:
+        raise DofMapError(f"write_component: body '{body.name}' has no node {missing[0]}, to write its shapes")
     write_component_file(
         Path(path),
         component,

@@ -230,6 +230,8 @@ def test_a_component_is_written_and_read(tmp_path, beams):
         (lambda c: cms.balance(c, "gregoy"), "did you mean 'gregory'"),
         (lambda c: cms.balance(c, keep={"frf_error": 0.1}), "measure the joined system"),
         (lambda c: cms.balance(c, keep=99), "99 modes of 'right' are asked for"),
+        (lambda c: cms.balance(c, keep=np.int64(99)), "99 modes of 'right' are asked for"),
+        (lambda c: cms.write_component(c, "r.h5", nodes=[141, 999]), "body 'right' has no node 999"),
         (lambda c: cms.assemble({"right": c.body}), "a flexible body is reduced first"),
         (lambda c: cms.assemble({"left": c}), "the body under 'left' is named 'right'"),
         (lambda c: cms.assemble({"right": c}, joints={"a": {"connect": ["right.hinge", "hub.a"]}}), "component 'hub'"),
