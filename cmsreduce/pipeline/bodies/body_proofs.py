@@ -62,10 +62,6 @@ _MASS_ALIKE, _MASS_FACTOR = 1e-6, 100.0
 # Definiteness is counted on a matrix raised by this share of its diagonal, or by the digits of its file.
 _DEFINITE, _DIGITS = 1e-9, 10.0
 
-# Agreement of the first moments of mass with the neighbours: 1 in beams, less where elements are bent or plates.
-_TOWARD = 0.5
-# Axes in another order must agree better by this much to be a doubt.
-_BETTER = 0.1
 # Nodes that couple with the same nodes as another are few up to this share.
 _FEW = 0.01
 
@@ -266,15 +262,9 @@ def _mass(
     stated_points = stated is not None and any(check.name.startswith("inertia of each") for check in checks)
     rest = without_points(body, stated.points) if stated is not None and stated_points else body.M
     toward = moments_toward_neighbours(body, rest) if (ordered or most) and not modal else None
-    if toward is not None and toward.as_given < max(_TOWARD, toward.best - _BETTER):
+    if toward is not None and toward.doubtful:
         ordered = most = False
-        other = "rows in reverse, of another sign or in another frame"
-        if toward.best - _BETTER > toward.as_given:
-            other = f"another order of axes ({toward.best:.2f} with {toward.order} in place of x, y, z)"
-        evidence = (
-            f"its first moments point to the neighbours of their nodes by {toward.as_given:.2f} of 1, as those of "
-            f"{other}; masses beside their grids do so, too"
-        )
+        evidence = toward.in_words
     if not ordered and free and exchanges_hidden(body) == 0:
         ordered, evidence = True, "an exchange of any two nodes would leave no centre of mass"
     if (ordered or most) and not modal and (count := generalised_coordinates(body)):

@@ -33,6 +33,10 @@ _SHOWS, _ROUNDINGS = 1e-5, 1e3
 _COUPLED = 1e-9
 # First moments of mass below this share of mass times length are rounding.
 _MOMENT = 1e-6
+# Agreement of the first moments of mass with the neighbours: 1 in beams, less where elements are bent or plates.
+_TOWARD = 0.5
+# Axes in another order must agree better by this much to be a doubt.
+_BETTER = 0.1
 # Agreement of first moments with the neighbours of which no exchange of axes is in doubt.
 _AGREES = 0.9
 
@@ -143,6 +147,22 @@ class MomentsToward:
     as_given: float
     best: float
     order: str
+
+    @property
+    def doubtful(self) -> bool:
+        """True if the mass is not in the order of the stiffness, or axes in another order agree better."""
+        return self.as_given < max(_TOWARD, self.best - _BETTER)
+
+    @property
+    def in_words(self) -> str:
+        """Reason to doubt the order."""
+        other = "rows in reverse, of another sign or in another frame"
+        if self.best - _BETTER > self.as_given:
+            other = f"another order of axes ({self.best:.2f} with {self.order} in place of x, y, z)"
+        return (
+            f"its first moments point to the neighbours of their nodes by {self.as_given:.2f} of 1, as those of "
+            f"{other}; masses beside their grids do so, too"
+        )
 
 
 def moments_toward_neighbours(body: FEModel, mass: sp.csc_array) -> MomentsToward | None:

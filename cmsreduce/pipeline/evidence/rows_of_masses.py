@@ -8,10 +8,12 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, cross_matrix, each_once
 from cmsreduce.pipeline.evidence.mass_against_deck import away_from_supports
+from cmsreduce.pipeline.evidence.nodal_mass import moments_toward_neighbours
 
 __all__ = ["order_that_shows"]
 
@@ -73,7 +75,7 @@ def _have_one_mass(body: FEModel) -> bool:
     turning = rows[:, 3:]
     if not (turning >= 0).any():
         return True
-    arm = cross_matrix(body.nodes.xyz[at])
+    arm = cross_matrix(body.nodes.xyz[at] - body.nodes.xyz.mean(axis=0))
     moment = at_nodes(turning, slice(3))
     inertia = at_nodes(turning, slice(3, 6)) + moment @ arm
     size = float(abs(inertia).max())
@@ -91,36 +93,36 @@ def _have_one_mass(body: FEModel) -> bool:
 def _mirrored(body: FEModel) -> bool:
     """True if the masses of nodes in the place of their mirror images would couple the same pairs, and differ.
 
-    Mirrors are across basic axes through the middle of the nodes, and their products.
+    Mirrors are across basic axes through the middle of the nodes, and their products; or the list of nodes is reversed.
     """
     assert body.nodes is not None
     # Imported here: it loads libraries that few bodies need.
     from scipy.spatial import cKDTree
 
-    ids = each_once(body.dofs.node[body.dofs.component > 0])
+    rows = np.flatnonzero(body.dofs.component > 0)
+    ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
     xyz = body.nodes.xyz[body.nodes.index(ids)]
-    low, high = xyz.min(axis=0), xyz.max(axis=0)
-    x, size = xyz - (low + high) / 2, float((high - low).max()) or 1.0
-    tree = cKDTree(x)
-    pairs = abs(body.K) + abs(body.M)
-    scale = np.sqrt(abs(body.M.diagonal()))
-    least = max(_SAME, _ROUNDINGS * body.rounding)
+    x = xyz - (xyz.min(axis=0) + xyz.max(axis=0)) / 2
+    size = float(abs(x).max()) or 1.0
+    tree, images = cKDTree(x), [np.arange(ids.size)[::-1]]
     for signs in list(product((1.0, -1.0), repeat=3))[1:]:
-        away, to = tree.query(x * signs)
-        if away.max() > _ONE_PLACE * size or np.array_equal(to, np.arange(ids.size)):
+        away, to = (np.asarray(found) for found in tree.query(x * signs))
+        if away.max() <= _ONE_PLACE * size:
+            images.append(to)
+    pairs, scale = abs(body.K) + abs(body.M), np.sqrt(abs(body.M.diagonal()))
+    least = max(_SAME, _ROUNDINGS * body.rounding)
+    for to in images:
+        order = np.arange(body.n)
+        order[rows] = body.dofs.rows(ids[to][of], body.dofs.component[rows])
+        if (order < 0).any() or (order == np.arange(body.n)).all():
             continue
-        place = np.searchsorted(ids, body.dofs.node)
-        known = np.isin(body.dofs.node, ids) & (body.dofs.component > 0)
-        order = np.where(
-            known, body.dofs.rows(ids[to[np.minimum(place, ids.size - 1)]], body.dofs.component), np.arange(body.n)
-        )
-        if (order < 0).any():
-            continue
-        M = body.M[order][:, order]
+        M = sp.csc_array(body.M[order][:, order])
         M.eliminate_zeros()
-        if M.multiply(pairs).count_nonzero() < M.count_nonzero():
-            continue
-        other = abs(M - body.M).tocoo()
-        if (other.data > least * scale[other.row] * scale[other.col]).any():
-            return True
+        other = sp.coo_array(abs(M - body.M))
+        differs = (other.data > least * scale[other.row] * scale[other.col]).any()
+        if differs and np.count_nonzero(M.multiply(pairs).data) == np.count_nonzero(M.data):
+            # Moments of mass along the elements are turned round in the mirror.
+            toward = moments_toward_neighbours(body, M)
+            if toward is None or not toward.doubtful:
+                return True
     return False

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cmsreduce.model import DofTable, FEModel, Nodes, each_once
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["HeldRows", "held_in_a_plane", "held_rows", "shown_rows"]
+__all__ = ["HeldRows", "beside_supports", "held_in_a_plane", "held_rows", "shown_rows"]
 
 # Relative to the other forces at a node: a smaller one is round-off.
 _NO_FORCE = 1e-6
@@ -141,13 +141,13 @@ def _sorted(body: FEModel, nodes: Nodes, A: sp.csc_array, found: RigidResidual) 
     whole = _whole(body, ids, A)
     wrong = resists & ~pushed & across & whole
     if wrong.any():
-        beside = _beside(body, nodes, ids[wrong], A, _supports(body, nodes))
+        beside = beside_supports(body, nodes, ids[wrong], A, _supports(body, nodes))
         beside[beside] = ~_exchanged_around(body, ids[wrong][beside], A, found)
         wrong[wrong] = ~beside
     proven = ~resists | (pushed & sprung) | (~pushed & ~across)
     far = ids[pushed & ~proven & ~wrong]
     supports = np.union1d(_supports(body, nodes), np.flatnonzero(~np.isin(nodes.id, ids)))
-    if not supports.size or _beside(body, nodes, far, A, supports).any():
+    if not supports.size or beside_supports(body, nodes, far, A, supports).any():
         far = far[:0]
     return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong], far)
 
@@ -161,7 +161,7 @@ def _supports(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
     return np.asarray(held[held >= 0])
 
 
-def _beside(
+def beside_supports(
     body: FEModel, nodes: Nodes, ids: NDArray[np.int64], A: sp.csc_array, supports: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
     """True for nodes (k,) that are as near to a support as to the farthest node that a matrix couples them with.

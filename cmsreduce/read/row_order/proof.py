@@ -14,6 +14,7 @@ from cmsreduce.read.printed_numbers import rounding_of_digits
 from cmsreduce.read.row_order.held_body import shown_rows
 from cmsreduce.read.row_order.held_proof import held_proof, loaded_nodes, not_proven, of_few_motions, stiffness_files
 from cmsreduce.read.row_order.likely_cause import Failure, likely_cause, shuffled_nodes
+from cmsreduce.read.row_order.other_ends import prove_image
 from cmsreduce.read.row_order.quiet_rows import mistaken_matrices
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual, without_idle_turns
 from cmsreduce.read.row_order.row_order_proof import RowOrderProof
@@ -101,7 +102,8 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
         raise DofMapError(f"{str(error).partition('. Likely cause')[0]}. Likely cause: {cause}") from None
     if proof.status != "proven":
         return proof
-    return replace(proof, hidden=proof.hidden.joined(prove_rows_of_nodes(body, body.nodes, proof.tolerance)))
+    hidden = proof.hidden.joined(prove_rows_of_nodes(body, body.nodes, proof.tolerance))
+    return replace(proof, hidden=hidden.joined(prove_image(body, body.nodes)))
 
 
 def _emptied_supports(body: FEModel, nodes: Nodes) -> str | None:

@@ -28,17 +28,21 @@ class HiddenRows(NamedTuple):
         The rows, and the reason.
     turning : bool
         True if forces under uniform strain do not show these either: rotations, and rows beside supports.
+    mirrored : bool
+        True if all rows could be those of the mirror image.
     """
 
     rows: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
     total: int = 0
     remark: str = ""
     turning: bool = False
+    mirrored: bool = False
 
     @property
     def only(self) -> str:
         """Rows whose order is proven, in words; empty if there are no others."""
-        return f"{self.total - self.rows.size} of {self.total} rows" if self.rows.size else ""
+        some = f"{self.total - self.rows.size} of {self.total} rows" if self.rows.size else ""
+        return f"{some or 'order'} or {'their' if some else 'its'} mirror image" if self.mirrored else some
 
     @property
     def every(self) -> bool:
@@ -47,10 +51,11 @@ class HiddenRows(NamedTuple):
 
     def joined(self, other: HiddenRows) -> HiddenRows:
         """The rows of both."""
-        if not (self.rows.size and other.rows.size):
-            return self if self.rows.size else other
+        if not (self.only and other.only):
+            return self if self.only else other
+        turning, mirrored = self.turning or other.turning, self.mirrored or other.mirrored
         rows = np.union1d(self.rows, other.rows)
-        return HiddenRows(rows, self.total, f"{self.remark}; {other.remark}", self.turning or other.turning)
+        return HiddenRows(rows, self.total, f"{self.remark}; {other.remark}", turning, mirrored)
 
 
 NONE_HIDDEN = HiddenRows()

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel, Nodes, rigid_body_shapes
 from cmsreduce.read.row_order.mass_order import COUPLED, DIGITS
+from cmsreduce.read.row_order.other_ends import prove_chains
 from cmsreduce.read.row_order.row_order_proof import NONE_HIDDEN, HiddenRows, hidden_rows
 
 __all__ = ["prove_rows_of_nodes"]
@@ -61,16 +62,16 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> 
     if not unsettled.any():
         return NONE_HIDDEN
     kind, several = _kinds(body, nodes, min(max(_ROUND_OFF * tolerance, _NEAREST), _FARTHEST))
-    rows = np.flatnonzero(unsettled & several)
+    rows, chains = np.flatnonzero(unsettled & several), prove_chains(body, nodes, kind)
     if not rows.size:
-        return NONE_HIDDEN
+        return chains
     coupled, moving = _coupled(body), body.dofs.component <= 3
     places = nodes.xyz[nodes.index(body.dofs.node)]
     alike, first, second = _exchanges(coupled, at, moving, places, kind, rows)
     true = _put_back(coupled, at, moving, rows[first], rows[second])
     moved, hidden = np.flatnonzero(true != np.arange(body.n)), rows[alike]
     if not moved.size and not hidden.size:
-        return NONE_HIDDEN
+        return chains
     labels = body.dofs.labels
     if moved.size:
         named = "; ".join(f"the row labelled {labels[k]} is that of {labels[true[k]]}" for k in moved[:_NAMED])
@@ -85,7 +86,7 @@ def prove_rows_of_nodes(body: FEModel, nodes: Nodes, tolerance: float = 0.0) -> 
         "move under rigid motion as rows of other nodes do, and what they couple does not tell their nodes apart: an "
         "exchange of such rows would not show"
     )
-    return hidden_rows(body, hidden, why, turning=not moving[hidden].all())
+    return hidden_rows(body, hidden, why, turning=not moving[hidden].all()).joined(chains)
 
 
 def _of_several_surroundings(body: FEModel, at: Indices) -> Flags:
