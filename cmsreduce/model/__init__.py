@@ -65,7 +65,7 @@ from cmsreduce.model.parameters import (
 )
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.results import *  # noqa: F403 - its own face names what it offers
-from cmsreduce.model.rigid_body import RigidBody
+from cmsreduce.model.rigid_body import INERTIA_AXES, RigidBody
 from cmsreduce.model.rounding import (
     ARITHMETIC,
     CONDENSATION,
@@ -110,6 +110,7 @@ __all__ = [
     "FrameKind",
     "GeometricStiffness",
     "HARMLESS_BYTES",
+    "INERTIA_AXES",
     "INERTIA_LOADS",
     "IntegralFrame",
     "Interface",

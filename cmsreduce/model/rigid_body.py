@@ -13,7 +13,10 @@ from cmsreduce.model.body import Interface
 from cmsreduce.model.parameters import Values
 from cmsreduce.model.units import SI, Units
 
-__all__ = ["RigidBody"]
+__all__ = ["INERTIA_AXES", "RigidBody"]
+
+INERTIA_AXES = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+"""Entries of an inertia tensor in the order of the keys of a pipeline."""
 
 # Round-off of six printed digits may make the inertia about a rod's axis slightly negative.
 _INERTIA_ROUNDING = 1e-6
@@ -74,6 +77,11 @@ class RigidBody:
             )
         object.__setattr__(self, "cg", cg)
         object.__setattr__(self, "inertia", J)
+
+    @property
+    def moments(self) -> tuple[float, ...]:
+        """Inertia about the centre of mass in the order of `INERTIA_AXES`."""
+        return tuple(float(self.inertia[entry]) for entry in INERTIA_AXES.values())
 
     def momentum_at(self, values: Values) -> NDArray[np.float64]:
         """Angular momentum of its wheels (3,) at some values of the parameters."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cmsreduce.model import Response, RunResult
+from cmsreduce.model import INERTIA_AXES, SI, Response, RunResult, rigid_in_units
 from cmsreduce.report.wording import FIGURES, compared, file_name, measured
 
 __all__ = ["csv_tables"]
@@ -59,6 +59,18 @@ def csv_tables(run: RunResult) -> dict[str, list[tuple[Cell, ...]]]:
                 for full, reduced, mac in zip(each.full_hz, each.reduced_hz, each.mac, strict=True)
             ),
         ],
+        "system": [
+            ("configuration", "hz", "zeta"),
+            *(
+                (each.configuration.name, float(hz), None if each.zeta is None else float(each.zeta[k]))
+                for each in run.systems
+                for k, hz in enumerate(each.frequencies_hz)
+            ),
+        ],
+        "rigid_bodies": [
+            ("body", "mass_kg", "cg_x_m", "cg_y_m", "cg_z_m", *(f"inertia_{axes}_kg_m2" for axes in INERTIA_AXES)),
+            *_rigid_bodies(run),
+        ],
         "checks": [
             ("body", "check", "value", "limit", "passed"),
             *(
@@ -85,6 +97,12 @@ def csv_tables(run: RunResult) -> dict[str, list[tuple[Cell, ...]]]:
         there = [model for model in models if model in result.response.reduced]
         found[f"response_{k + 1}_{file_name(name)}"] = _responses(run, result.response, there)
     return {name: rows for name, rows in found.items() if len(rows) > 1}
+
+
+def _rigid_bodies(run: RunResult) -> Iterable[tuple[Cell, ...]]:
+    for body in run.rigid_bodies:
+        si = rigid_in_units(body, SI)
+        yield body.name, si.mass, *map(float, si.cg), *si.moments
 
 
 def _modes(run: RunResult) -> Iterable[tuple[Cell, ...]]:

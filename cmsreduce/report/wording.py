@@ -30,6 +30,7 @@ __all__ = [
     "rigid_words",
     "seconds",
     "simulation_words",
+    "system_words",
     "worst",
     "worst_error",
 ]
@@ -40,6 +41,8 @@ CLOSE_MODES = 0.1
 
 # Channels named in a line; summary.json has them all.
 _NAMED = 12
+# Elastic modes of the system that are named.
+_FIRST = 3
 # A component of a vector below this share of the largest is rounding: a centre of mass on an axis is printed on it.
 _ZERO = 1e-12
 
@@ -146,11 +149,25 @@ def rigid_words(body: RigidBody) -> str:
     >>> rigid_words(RigidBody("hub", 6, np.array([0.06, 0, 0]), np.diag([3.0, 2.5, 2.0])))
     'rigid, mass 6, centre of mass 0.06 0 0, inertia about it, xx yy zz xy xz yz: 3 2.5 2 0 0 0'
     """
-    moments = numbers([*np.diag(body.inertia), *body.inertia[[0, 0, 1], [1, 2, 2]]])
     return (
         f"rigid, mass {number(body.mass, 9)}, centre of mass {numbers(body.cg)}, "
-        f"inertia about it, xx yy zz xy xz yz: {moments}"
+        f"inertia about it, xx yy zz xy xz yz: {numbers(body.moments)}"
     )
+
+
+def system_words(run: RunResult) -> str:
+    """What shows a ground, a hinge or a mass that is not as meant: rigid motions, and the first modes; maybe empty."""
+    found = [modes for modes in run.systems if modes.rigid_count or modes.frequencies_hz.size]
+    if not found:
+        return ""
+    counts = sorted({modes.rigid_count for modes in found})
+    rigid = plural(counts[0], "rigid motion") if len(counts) == 1 else f"{counts[0]} to {counts[-1]} rigid motions"
+    first, modes = found[0], "no elastic mode in the band"
+    if first.frequencies_hz.size:
+        modes = f"first modes {', '.join(number(float(hz)) for hz in first.frequencies_hz[:_FIRST])} Hz"
+        if first.zeta is not None and first.zeta.any():
+            modes += f" with {', '.join(number(100 * float(zeta), 2) for zeta in first.zeta[:_FIRST])} % damping"
+    return f"system: {rigid}, those of free joints included; {modes} at {first.configuration.name}"
 
 
 def per_cent(share: float, digits: int = 3) -> str:

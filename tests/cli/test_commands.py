@@ -70,8 +70,13 @@ def test_a_run_ends_with_the_figures_that_show_a_wrong_scene(study: Path, change
     system = next(line for line in result.stdout.splitlines() if line.startswith("system: "))
     assert system.startswith(f"system: {rigid}") and "; first modes " in system
     summary = json.loads((study.parent / "out" / "summary.json").read_text())
-    first = summary["system"][0]["frequencies_hz"][0]
-    assert f"first modes {first:.4g}" in system and " % damping at " in system
+    first, zeta = (summary["system"][0][key][0] for key in ("frequencies_hz", "zeta"))
+    assert (
+        f"first modes {first:.4g}" in system and f" Hz with {100 * zeta:.2g}" in system and " % damping at " in system
+    )
+    assert summary["rigid_bodies"]["hub"]["mass_kg"] == 5000
+    page = (study.parent / "out" / "report.html").read_text()
+    assert system in page and "<p>hub: rigid, mass 5000, centre of mass -0.1 0 0.05, " in page
     assert re.search(r"^hub +rigid +5000 *$", result.stdout, re.MULTILINE)
 
 

@@ -42,9 +42,9 @@ class Failure:
         Examples
         --------
         >>> Failure("the drawing of 'rotor'", "no element is known").line
-        "the drawing of 'rotor' was left out: no element is known"
+        "the drawing of 'rotor' had to be left out: no element is known"
         """
-        return f"{self.what} was left out: {self.reason}"
+        return f"{self.what} had to be left out: {self.reason}"
 
 
 def failure_findings(

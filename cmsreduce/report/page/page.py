@@ -33,8 +33,10 @@ from cmsreduce.report.wording import (
     headline,
     measured,
     number,
+    rigid_words,
     seconds,
     simulation_words,
+    system_words,
     worst,
 )
 
@@ -121,6 +123,8 @@ def render_report(run: RunResult) -> str:
         sensitivity_rows=sensitivity_rows(run),
         checked=checked(run),
         timings=timings(run),
+        system=system_words(run),
+        rigid_words=rigid_words,
         simulation=[] if run.speed is None or run.speed.simulation is None else simulation_words(run.speed.simulation),
         checks=[(name, check) for name, part in run.components.items() for check in part.checks],
         settings=json.dumps(dict(run.settings), indent=2, ensure_ascii=False, default=str),

@@ -17,6 +17,7 @@ from cmsreduce.report.wording import (
     number,
     plural,
     seconds,
+    system_words,
     worst,
     worst_error,
 )
@@ -29,8 +30,6 @@ __all__ = ["print_screen", "print_verdict"]
 
 # Notes on the screen; more are in the report.
 _NOTES = 3
-# Elastic modes of the system that are named.
-_FIRST = 3
 # Letters of a line on the screen before it is cut.
 _LONG = 230
 # Columns of the table of bodies: the mass, and those that are left out where the screen is narrow.
@@ -56,7 +55,7 @@ def print_screen(run: RunResult, folder: Path, console: Console, made: Sequence[
     print_verdict(run, console, short=True)
     if run.components or run.rigid_bodies:
         console.print(_bodies(run, console))
-    for line in _system(run):
+    if line := system_words(run):
         print_line(console, line)
     if run.configurations:
         console.print()
@@ -149,21 +148,6 @@ def _bodies(run: RunResult, console: Console) -> Table:
         *map(figures, heads[_MASS + 1 :]),
     ]
     return table(*narrowed(columns, rows, console.width, _LEFT_OUT), edges=False)
-
-
-def _system(run: RunResult) -> Iterator[str]:
-    """What shows a ground, a hinge or a mass that is not as meant: rigid motions, and the first modes."""
-    found = [modes for modes in run.systems if modes.rigid_count or modes.frequencies_hz.size]
-    if not found:
-        return
-    counts = sorted({modes.rigid_count for modes in found})
-    rigid = plural(counts[0], "rigid motion") if len(counts) == 1 else f"{counts[0]} to {counts[-1]} rigid motions"
-    first, modes = found[0], "no elastic mode in the band"
-    if first.frequencies_hz.size:
-        modes = f"first modes {', '.join(number(float(hz)) for hz in first.frequencies_hz[:_FIRST])} Hz"
-        if first.zeta is not None and first.zeta.any():
-            modes += f" with {', '.join(number(100 * float(zeta), 2) for zeta in first.zeta[:_FIRST])} % damping"
-    yield f"system: {rigid}, those of free joints included; {modes} at {first.configuration.name}"
 
 
 def _errors(run: RunResult) -> Table:

@@ -13,17 +13,20 @@ from cmsreduce.mechanics import advised_steps
 from cmsreduce.model import (
     DOF_NAMES,
     ERRORS,
+    SI,
     ComponentResult,
     Configuration,
     Factorisation,
     ModeCertificate,
     ModelErrors,
     ProjectionRecord,
+    RigidBody,
     RunResult,
     SensitivityRecord,
     SimulationCost,
     Speed,
     health_data,
+    rigid_in_units,
 )
 from cmsreduce.write.summary.checks import (
     basis,
@@ -50,9 +53,9 @@ def summary(run: RunResult) -> dict[str, Any]:
     -------
     dict
         The keys ``name``, ``version``, ``components``, ``configurations``, ``worst``, ``speed``, ``passed``
-        and ``verdict``, and ``comparisons``, ``limits``, ``reference``, ``band_hz``, ``system``, ``projection``,
-        ``search``, ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``between``, ``channels_left_out``,
-        ``not_checked``, ``notes`` and ``failures``. A value that is not finite is None.
+        and ``verdict``, and ``rigid_bodies``, ``comparisons``, ``limits``, ``reference``, ``band_hz``, ``system``,
+        ``projection``, ``search``, ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``between``,
+        ``channels_left_out``, ``not_checked``, ``notes`` and ``failures``. A value that is not finite is None.
     """
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
     verdict = run.verdict
@@ -61,6 +64,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             "name": run.name,
             "version": run.version,
             "components": {name: _component(part, run) for name, part in run.components.items()},
+            "rigid_bodies": {body.name: _rigid(body) for body in run.rigid_bodies},
             "configurations": _configurations(run, run.model, sizes=True),
             "worst": _worst(run, run.model),
             "speed": _speed(run.speed),
@@ -88,6 +92,7 @@ def summary(run: RunResult) -> dict[str, Any]:
                     "parameters": dict(modes.configuration.parameters),
                     "rigid_modes": modes.rigid_count,
                     "frequencies_hz": modes.frequencies_hz.tolist(),
+                    "zeta": None if modes.zeta is None else modes.zeta.tolist(),
                     "integration": _integration(modes.highest_hz, static_highest_hz=modes.treated_hz),
                 }
                 for modes in run.systems
@@ -175,6 +180,12 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
             {"name": each.name, "value": each.value, "limit": each.limit, "passed": each.passed} for each in part.checks
         ],
     }
+
+
+def _rigid(body: RigidBody) -> dict[str, Any]:
+    """Mass, centre of mass and inertia about it, by the names of the pipeline's keys and in SI."""
+    si = rigid_in_units(body, SI)
+    return {"mass_kg": si.mass, "cg_m": si.cg.tolist(), "inertia_kg_m2": si.moments}
 
 
 def _integration(highest_hz: float | None, **more: Any) -> dict[str, Any] | None:

@@ -19,9 +19,11 @@ from cmsreduce.model import (
     ModalComponent,
     ModelErrors,
     Response,
+    RigidBody,
     RunResult,
     Speed,
     SystemModes,
+    Units,
 )
 from cmsreduce.write import summary, write_summary
 from cmsreduce.write.summary.stored_summary import sealed_text
@@ -136,16 +138,28 @@ def test_a_joint_that_turns_two_ways_anywhere_is_named_with_its_motion_everywher
 def test_systems_have_their_frequencies_and_the_same_angles():
     ball = [Configuration(name, {("ball", dof): np.radians(10)}) for name, dof in (("a", 3), ("b", 4))]
     systems = tuple(
-        SystemModes(configuration, 2, np.array([1.5, 2.5]), hz)
-        for configuration, hz in zip(ball, (None, 9.0), strict=True)
+        SystemModes(configuration, 2, np.array([1.5, 2.5]), hz, zeta=zeta)
+        for configuration, hz, zeta in zip(ball, (None, 9.0), (None, np.array([0.01, 0.02])), strict=True)
     )
     found = summary(run(systems=systems))["system"]
     assert [row["angles"] for row in found] == [{"ball.rx": 10.0}, {"ball.ry": 10.0}]
     facts = {"name": "a", "angles": {"ball.rx": 10.0}, "parameters": {}, "rigid_modes": 2, "frequencies_hz": [1.5, 2.5]}
     # A system too large for all its modes has no advice.
-    assert found[0] == facts | {"integration": None}
+    assert found[0] == facts | {"integration": None, "zeta": None}
+    assert found[1]["zeta"] == [0.01, 0.02]
     assert found[1]["integration"]["highest_hz"] == 9.0
     assert found[1]["integration"]["steps"]["central_difference"]["stable"] == pytest.approx(1 / (9 * np.pi))
+
+
+def test_rigid_bodies_are_in_si_whatever_the_units_of_the_scene():
+    """A plate of 2 kg, 0.3 by 0.4 by 0 m: m / 12 b^2, m / 12 a^2, and their sum."""
+    tensor = np.diag(2 / 12 * np.array([0.16, 0.09, 0.25]) * 1e3)
+    plate = RigidBody("plate", 2e-3, np.array([150.0, 0.0, -20.0]), tensor, units=Units.parse("mm-t-s"))
+    (found,) = summary(run(rigid_bodies=(plate,)))["rigid_bodies"].items()
+    assert found[0] == "plate" and found[1].keys() == {"mass_kg", "cg_m", "inertia_kg_m2"}
+    assert found[1]["mass_kg"] == pytest.approx(2.0, rel=1e-14)
+    assert found[1]["cg_m"] == pytest.approx([0.15, 0.0, -0.02], rel=1e-14)
+    assert found[1]["inertia_kg_m2"] == pytest.approx([2 / 75, 0.015, 1 / 24, 0, 0, 0], rel=1e-14)
 
 
 def test_compared_models_have_their_figures():
