@@ -191,7 +191,7 @@ def _response_apart(
     """Largest difference over the grid beyond rounding, by the root mean square of each channel or its scale."""
     miss, size = (np.sqrt(np.mean(abs(X) ** 2, axis=0)) for X in (own - dense, dense))
     size = np.maximum(np.maximum(size, floor), np.finfo(float).tiny)
-    return float(np.max(np.maximum(miss - rounding, 0.0) / size, initial=0.0)) - sharpness
+    return max(float(np.max(np.maximum(miss - rounding, 0.0) / size, initial=0.0)) - sharpness, 0.0)
 
 
 def _floor(scene: RandomScene, system: DenseSystem, band: float) -> np.ndarray:
