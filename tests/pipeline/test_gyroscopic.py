@@ -15,7 +15,7 @@ from scipy.io import loadmat
 
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import SI, FEModel, cross_matrix, rigid_body_shapes, unresisted
-from cmsreduce.pipeline import execute
+from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.bodies import reduced_body
 from cmsreduce.pipeline.results import floating_bodies, multibody_scene
 from cmsreduce.pipeline.system import system_roots
@@ -23,7 +23,7 @@ from cmsreduce.read import in_dofs
 from cmsreduce.simulate import scene_system
 from cmsreduce.write import convert, export_scene
 from tests.frames import Section, line
-from tests.pipeline.study import PIPELINE, arm, panel, write_body
+from tests.pipeline.study import PIPELINE, arm, panel, write_body, write_study
 from tests.pipeline.test_parameters import Dense, open_run
 
 # Kilogram metre squared per second: of the hub's and the panel's wheel, and per metre of the arm.
@@ -139,6 +139,32 @@ def test_wheels_and_rotors_against_dense_algebra(tmp_path: Path, dense: Dense) -
     (note,) = [note for note in run.verification_notes(run.verified) if "gyroscopic" in note]
     found = re.search(r"those of the reference to ([\d.]+) %", note)
     assert found is not None and 0 < float(found[1]) < 0.1
+
+
+def test_a_point_of_the_grid_at_the_nutation_of_rigid_bodies_hides_no_error(tmp_path: Path) -> None:
+    """Flexible bodies nutate below it: less the rigid part, the response is infinite, and its errors would vanish."""
+    keys = [
+        "reduce.cutoff=1.5",
+        "scene.joints.hinge.free=[]",
+        "scene.articulation=null",
+        "scene.actuators={pitch: {at: hub.cg, torque: [0, 1, 1]}}",
+        "scene.sensors={gyro: {at: hub.cg, measure: [ry, rz]}}",
+    ]
+    path, points = write_study(tmp_path), 60
+
+    def opened(momentum: float, points: int) -> Run:
+        wheel = f"components.hub.wheels={{roll: {{axis: x, momentum: {momentum!r} N*m*s}}}}"
+        return open_run(path, [*keys, wheel, f"verify.frf.points={points}"])
+
+    system = (run := opened(30.0, points)).model.assembled.system(run.scene.configurations[0])
+    nutation = abs(la.eigvals(system.rigid.T @ system.D @ system.rigid)).max() / (2 * np.pi)
+    grid = np.geomspace(0.06, 60, points)
+    at = grid[abs(grid - nutation).argmin()]
+    on, beside = (opened(30.0 * at / nutation, each).verified.configurations[0] for each in (points, points + 1))
+    assert abs(on.response.frequency_hz / at - 1).min() < 1e-9 < abs(beside.response.frequency_hz / at - 1).min()
+    found, expected = (each.errors["reduced"] for each in (on, beside))
+    assert found.frf_error == pytest.approx(expected.frf_error, rel=1e-3) and found.frf_error > 0.1
+    np.testing.assert_allclose(found.channel_errors, expected.channel_errors, rtol=1e-3)
 
 
 def test_whirl_of_a_rotor_on_springs(tmp_path: Path) -> None:

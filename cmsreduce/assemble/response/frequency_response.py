@@ -31,6 +31,8 @@ Complex = NDArray[np.complex128]
 _BLOCK_BYTES = 2**24
 # Several configurations have so many times as much together: blocks of few frequencies cost more calls than work.
 _OF_SEVERAL = 4
+# Rigid motions with drag turn as a nutation if this share of their largest root does; less is rounding.
+_TURNS = 1e-6
 
 
 def body_receptances(
@@ -192,8 +194,18 @@ def _alike(joined: Sequence[JoinedRows]) -> list[list[int]]:
     return list(groups.values())
 
 
-def rigid_response(system: System, omega: Array) -> Complex:
-    """Rigid-body part of a system's response (f, outputs, inputs), with the drag of dampers in joints or to ground."""
+def rigid_response(system: System, omega: Array, *, nutation: bool = True) -> Complex:
+    """Rigid-body part of a system's response (f, outputs, inputs), with the drag of dampers in joints or to ground.
+
+    Parameters
+    ----------
+    system : System
+    omega : (f,) float64
+        Circular frequencies in rad/s.
+    nutation : bool
+        False: the nutations that wheels give to rigid bodies are damped critically. The response is the same far from
+        them, and does not resonate where flexible bodies, which nutate at other frequencies, do not.
+    """
     Pr = system.rigid
     gain = (system.C1 @ Pr)[None] + 1j * omega[:, None, None] * (system.C2 @ Pr)[None]
     load = Pr.T @ system.B
@@ -201,7 +213,13 @@ def rigid_response(system: System, omega: Array) -> Complex:
     if not drag.any():
         return np.asarray(gain @ load / -(omega**2)[:, None, None])
     w = omega[:, None, None]
-    return np.asarray(gain @ np.linalg.solve(1j * w * drag - w**2 * np.eye(drag.shape[0]), load[None] + 0j))
+    if nutation:
+        return np.asarray(gain @ np.linalg.solve(1j * w * drag - w**2 * np.eye(drag.shape[0]), load[None] + 0j))
+    roots, V = np.linalg.eig(drag)
+    s, size = 1j * omega[:, None], abs(roots)
+    damped = (s**2 + 2 * roots.real * s + size**2) / (s + size) ** 2
+    weight = np.where(abs(roots.imag) > _TURNS * size.max(), damped, 1.0) / (s * (s + roots))
+    return np.asarray((gain @ V * weight[:, None]) @ np.linalg.solve(V, load + 0j))
 
 
 def _drag(system: System) -> Array:

@@ -40,6 +40,9 @@ __all__ = ["AssembledModel"]
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Bools = NDArray[np.bool_]
 
 # Undamped modes up to this multiple of the band's upper end: a mode a little above it still acts at the edge.
 _UNDAMPED_BANDS = 1.25
@@ -166,9 +169,7 @@ class AssembledModel:
         return None if found is None else damped_modes_of(system, found)
 
     @_with_parameters
-    def every_mode(
-        self, configuration: Configuration
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def every_mode(self, configuration: Configuration) -> tuple[Real, Real, Real]:
         """All elastic modes of a system of moderate size.
 
         Returns
@@ -184,14 +185,10 @@ class AssembledModel:
         return self._modes_held(configuration) if small else self._every_mode(configuration)
 
     @once
-    def _modes_held(
-        self, configuration: Configuration
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _modes_held(self, configuration: Configuration) -> tuple[Real, Real, Real]:
         return self._every_mode(configuration)
 
-    def _every_mode(
-        self, configuration: Configuration
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _every_mode(self, configuration: Configuration) -> tuple[Real, Real, Real]:
         system = self.system(configuration)
         try:
             lam, Phi, static = elastic_and_massless(dense(system.K), dense(system.M), system.rigid, system.rounding)
@@ -200,7 +197,7 @@ class AssembledModel:
         return np.sqrt(lam), Phi, static
 
     @once
-    def _modes(self, configuration: Configuration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _modes(self, configuration: Configuration) -> tuple[Real, Real]:
         highest = 2 * np.pi * self.scene.band[1] * _UNDAMPED_BANDS
         system = self.system(configuration)
         if isinstance(system.K, np.ndarray) and system.N <= _HELD_IN_MEMORY:
@@ -224,7 +221,7 @@ class AssembledModel:
 
     @property
     @once
-    def _loaded(self) -> NDArray[np.bool_]:
+    def _loaded(self) -> Bools:
         """Motions of the points at which joints, ground or inputs act, in whatever configuration."""
         ground = tuple(point for point in self.scene.ground if point.body not in self.held.names)
         acting = replace(self.scene, sensors=(), ground=ground)
@@ -232,7 +229,7 @@ class AssembledModel:
         named = [label in points for sub in subs for points in [points_named(sub, acting)] for label in sub.motion]
         return np.repeat(np.array(named, dtype=bool), 6)
 
-    def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
+    def receptances(self, omega: Real) -> Mapping[str, Receptance]:
         """Dynamic flexibilities of the ``held`` bodies for every configuration.
 
         They are prepared once for the band, and not for a grid within it: a resumed run gives the same numbers.
@@ -242,29 +239,29 @@ class AssembledModel:
         return body_receptances(self.held.stack, omega)
 
     @partial(once, about=lambda _, omega: omega.tobytes())
-    def tables(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
+    def tables(self, omega: Real) -> Mapping[str, Receptance]:
         """Receptances at frequencies that every configuration needs."""
         return {
             name: tabulated(source, omega, self.held.stack.moving(name).size)
             for name, source in self.receptances(omega).items()
         }
 
-    def response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def response(self, configuration: Configuration, omega: Real) -> Complex:
         """Frequency response, rigid-body part included (f, outputs, inputs)."""
         return self.responses([configuration], [omega])[0]
 
     def responses(
         self,
         configurations: Sequence[Configuration],
-        grids: Sequence[NDArray[np.float64]],
+        grids: Sequence[Real],
         flexibility: Mapping[str, Receptance] | None = None,
-    ) -> list[NDArray[np.complex128]]:
+    ) -> list[Complex]:
         """Frequency responses of several configurations together, each on a grid of its own.
 
         Receptances, if given, are those of the parameters of all configurations.
         """
         models = [self.at(configuration) for configuration in configurations]
-        found: dict[int, NDArray[np.complex128]] = {}
+        found: dict[int, Complex] = {}
         for model in dict.fromkeys(models):
             some = [k for k, each in enumerate(models) if each is model]
             there = model._responses([configurations[k] for k in some], [grids[k] for k in some], flexibility)
@@ -274,9 +271,9 @@ class AssembledModel:
     def _responses(
         self,
         configurations: Sequence[Configuration],
-        grids: Sequence[NDArray[np.float64]],
+        grids: Sequence[Real],
         flexibility: Mapping[str, Receptance] | None,
-    ) -> list[NDArray[np.complex128]]:
+    ) -> list[Complex]:
         Y = self.receptances(np.concatenate([np.empty(0), *grids])) if flexibility is None else flexibility
         wirings = [self.held.wiring(self.wiring(configuration)) for configuration in configurations]
         return couple(Y, self.held.stack, wirings, grids)
@@ -285,9 +282,9 @@ class AssembledModel:
     def collocated(
         self,
         configuration: Configuration,
-        omega: NDArray[np.float64],
+        omega: Real,
         flexibility: Mapping[str, Receptance] | None = None,
-    ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    ) -> tuple[Complex, Real]:
         """Response, and the largest response that its actuators and sensors could have on this structure.
 
         Returns
@@ -310,7 +307,7 @@ class AssembledModel:
         return H, np.sqrt(at[:, :y, None] * at[:, None, y:]) * per_rate[:, :, None]
 
     @_with_parameters
-    def modal_peaks(self, configuration: Configuration, zeta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def modal_peaks(self, configuration: Configuration, zeta: Real) -> Real:
         """Height of the peak of each elastic mode up to a little above the band (k, outputs, inputs), at ratios."""
         system, (w, Phi) = self.system(configuration), self._modes(configuration)
         zeta = np.maximum(zeta, _NO_DAMPING)
@@ -329,6 +326,20 @@ class AssembledModel:
         return found
 
     @_with_parameters
-    def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Rigid-body part of the response (f, outputs, inputs)."""
-        return rigid_response(self.system(configuration), omega)
+    def rigid_response(self, configuration: Configuration, omega: Real, calm: Bools | None = None) -> Complex:
+        """Rigid-body part of the response (f, outputs, inputs); without nutation where ``calm``, of the same shape."""
+        system = self.system(configuration)
+        found = rigid_response(system, omega)
+        return found if calm is None else np.where(calm, rigid_response(system, omega, nutation=False), found)
+
+    @_with_parameters
+    def calm(self, configuration: Configuration, omega: Real, H: Complex) -> Bools | None:
+        """Mask of a response H, of its shape, where a rigid part without nutation is nearer; None without wheels.
+
+        Flexible bodies nutate at another frequency: at that of the rigid ones, errors relative to H would vanish.
+        """
+        system = self.system(configuration)
+        if not (system.gyroscopic and system.rigid.size):
+            return None
+        still, turning = (abs(H - rigid_response(system, omega, nutation=each)) for each in (False, True))
+        return np.asarray(still < turning)

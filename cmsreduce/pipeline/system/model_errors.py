@@ -75,7 +75,7 @@ def model_errors(
     false = alone > 0
     responding = target.responding | false
     # In a channel that responds in neither model, both responses are rounding.
-    elastic = np.where(responding, H_r - model.assembled.rigid_response(configuration, omega), 0.0)
+    elastic = np.where(responding, H_r - model.assembled.rigid_response(configuration, omega, target.calm), 0.0)
     loud = target.loud | false
     pairs, mac = _pairs(reference, configuration, model)
     shape = frac(H, elastic)
@@ -117,9 +117,9 @@ def _at_peaks(model: ReducedModel, target: Target) -> Complex:
     """Elastic response (k, outputs, inputs) at the resonances of a model in the band; zero where none responds."""
     omega, _ = peaks(model.assembled, target.configuration)
     omega = omega[(omega >= target.omega[0]) & (omega <= target.omega[-1])]
-    elastic = model.assembled.response(target.configuration, omega)
-    elastic = elastic - model.assembled.rigid_response(target.configuration, omega)
-    return np.where(target.responding, elastic, 0.0)
+    H_r = model.assembled.response(target.configuration, omega)
+    calm = model.assembled.calm(target.configuration, omega, H_r)
+    return np.where(target.responding, H_r - model.assembled.rigid_response(target.configuration, omega, calm), 0.0)
 
 
 def _share_alone(reference: ReferenceModel, configuration: Configuration, model: ReducedModel) -> Real:
@@ -131,7 +131,8 @@ def _share_alone(reference: ReferenceModel, configuration: Configuration, model:
     if responding.all():
         return np.zeros(responding.shape)
     H_r = model.assembled.response(configuration, reference.few)
-    elastic = H_r - model.assembled.rigid_response(configuration, reference.few)
+    calm = model.assembled.calm(configuration, reference.few, H_r)
+    elastic = H_r - model.assembled.rigid_response(configuration, reference.few, calm)
     false = ~responding & responding_channels(elastic, reach, _FALSE)
     share = np.divide(abs(elastic), reach, out=np.full(reach.shape, np.inf), where=reach > 0)
     return np.where(false, share.max(axis=0, where=elastic != 0, initial=0.0), 0.0)

@@ -41,6 +41,8 @@ class Target:
         Scales of the channels.
     responding : (outputs, inputs) bool
         Channels whose elastic response is more than rounding; it is zero in the others.
+    calm : (f, outputs, inputs) bool, optional
+        Where the rigid-body part has no nutation.
     """
 
     configuration: Configuration
@@ -50,6 +52,7 @@ class Target:
     row: Real
     column: Real
     responding: NDArray[np.bool_]
+    calm: NDArray[np.bool_] | None = None
 
     @property
     def loud(self) -> NDArray[np.bool_]:
@@ -97,18 +100,21 @@ class ReferenceModel:
 
         The rigid part is that of this model, or of a reduced one, which is the same: every one keeps the rigid modes.
         """
-        rigid = (of_rigid or self.assembled).rigid_response(configuration, omega)
+        model = of_rigid or self.assembled
+        calm = model.calm(configuration, omega, H)
+        rigid = model.rigid_response(configuration, omega, calm)
         responding, _ = self.responding(configuration, of_rigid)
         elastic = np.where(responding, H - rigid, 0.0)
         row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)
-        return Target(configuration, omega, elastic, rigid, row, column, responding)
+        return Target(configuration, omega, elastic, rigid, row, column, responding, calm)
 
     def responding(
         self, configuration: Configuration, of_rigid: AssembledModel | None = None
     ) -> tuple[NDArray[np.bool_], Real]:
         """Channels with an elastic response, and the reach of all at the frequencies ``few``; as for `as_target`."""
         H, reach = self._at_few(configuration)
-        rigid = (of_rigid or self.assembled).rigid_response(configuration, self.few)
+        model = of_rigid or self.assembled
+        rigid = model.rigid_response(configuration, self.few, model.calm(configuration, self.few, H))
         return responding_channels(H - rigid, reach), reach
 
     @once

@@ -87,7 +87,8 @@ class Screen:
     def _responding(self, configuration: Configuration, model: AssembledModel) -> NDArray[np.bool_]:
         """Channels with an elastic response. Every reduced model keeps the rigid modes, and has the same rigid part."""
         H, reach = self.reference.collocated(configuration, self.few, self.reference.tables(self.few))
-        return responding_channels(H - model.rigid_response(configuration, self.few), reach)
+        rigid = model.rigid_response(configuration, self.few, model.calm(configuration, self.few, H))
+        return responding_channels(H - rigid, reach)
 
     def _elastic(
         self,
@@ -98,7 +99,8 @@ class Screen:
         model: AssembledModel,
     ) -> tuple[Complex, Complex, tuple[Real, Real]]:
         """Elastic parts of both responses on a grid, and the scales of the channels."""
-        rigid, scene = model.rigid_response(configuration, omega), self.reference.scene
+        rigid = model.rigid_response(configuration, omega, model.calm(configuration, omega, both[0]))
+        scene = self.reference.scene
         elastic, elastic_r = (np.where(responding, H - rigid, 0.0) for H in both)
         return elastic, elastic_r, channel_scales(scene.actuators, scene.sensors, elastic, both[0], omega)
 

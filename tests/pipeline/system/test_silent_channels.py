@@ -21,7 +21,9 @@ def shares(elastic: np.ndarray) -> np.ndarray:
     """Shares of a model whose elastic responses in two channels are given; the second is silent in the reference."""
     silent = np.array([[True], [False]])
     comparison = SimpleNamespace(responding=lambda _: (silent, REACH), few=FEW)
-    assembled = SimpleNamespace(response=lambda *_: elastic + 7.0, rigid_response=lambda *_: np.full(REACH.shape, 7.0))
+    assembled = SimpleNamespace(
+        response=lambda *_: elastic + 7.0, rigid_response=lambda *_: np.full(REACH.shape, 7.0), calm=lambda *_: None
+    )
     return _share_alone(comparison, None, SimpleNamespace(assembled=assembled))  # type: ignore[arg-type]
 
 
