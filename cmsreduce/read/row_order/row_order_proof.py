@@ -70,7 +70,7 @@ def hidden_rows(body: FEModel, rows: NDArray[np.int64], why: str, turning: bool 
     return HiddenRows(rows, body.n, f"{rows.size} rows ({named}{' ...' if rows.size > _NAMED else ''}) {why}", turning)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RowOrderProof:
     """Result of the proof of the row order.
 

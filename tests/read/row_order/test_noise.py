@@ -263,7 +263,7 @@ def test_decimals_of_few_different_numbers_are_those_of_a_text(digits: int):
     K = with_values(body.K, np.array([float(f"{x:.{digits - 1}e}") for x in body.K.data]))
     stored, printed = replace(body, K=K), replace(body, K=K, rounding=0.5 * 10.0**-digits)
     assert rounding_of_values(K.data) == 2.0**-53
-    assert prove_row_order(stored) == prove_row_order(printed)
+    assert str(prove_row_order(stored)) == str(prove_row_order(printed))
     assert prove_row_order(stored).estimated(stored).rounding == printed.rounding
     order = np.r_[:6, 12:18, 6:12, 18:24]
     spring = sp.csc_array(([100 * printed.rounding * K[8, 8]], ([8], [8])), shape=K.shape)
