@@ -55,10 +55,12 @@ scene:
 {sensors}
 
 reduce:
-  method: craig-bampton                   # joints hold the bodies
+{method}
   cutoff: 3.0                             # modes up to cutoff x band
   residuals: [sensors]                    # static shapes for sensors away from the joints
 {rest}"""
+_HOLD = "  method: craig-bampton                   # joints hold the bodies"
+_LEAVE_FREE = "  method: macneal-rubin                   # the joints leave motions of a body free, as balls do"
 _REST = """\
 balance: {rank: gregory, keep: all}     # ranked, all kept; in your own scene: keep: limits
 verify:
@@ -190,7 +192,9 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
     )
 
 
-def scene_pipeline(name: str, drafts: Sequence[BodyDraft], joints: Sequence[tuple[str, str, str]]) -> str:
+def scene_pipeline(
+    name: str, drafts: Sequence[BodyDraft], joints: Sequence[tuple[str, str, str]], hold: bool = True
+) -> str:
     """Text of a pipeline file for several bodies and their joints.
 
     Parameters
@@ -201,6 +205,8 @@ def scene_pipeline(name: str, drafts: Sequence[BodyDraft], joints: Sequence[tupl
         Bodies; loads act on the first, motions are measured on all.
     joints : sequence of (str, str, str)
         Name of each joint, and the two interfaces that it connects.
+    hold : bool
+        True if the joints hold each body in all its motions, as Craig-Bampton needs.
 
     Raises
     ------
@@ -219,6 +225,7 @@ def scene_pipeline(name: str, drafts: Sequence[BodyDraft], joints: Sequence[tupl
         components="\n".join(_component(draft, "CHECK: the places that joints hold") for draft in drafts),
         band=band,
         elastic=elastic,
+        method=_HOLD if hold else _LEAVE_FREE,
         joints="\n".join([head, *welds]),
         actuators="\n".join(_pushes("push", f"{first.name}.{first.far}", first.axes)),
         sensors="\n".join(

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import FEModel
+from cmsreduce.model import FEModel, rigid_body_shapes
 from cmsreduce.pipeline.drafts.facing_places import facing_places
 from cmsreduce.pipeline.drafts.proposed_interfaces import Place, in_line, nearest, position
 
-__all__ = ["Meeting", "meetings"]
+__all__ = ["Meeting", "hold", "meetings"]
 
 # Coordinates are printed with eight digits, or fewer; a joint accepts the same gap.
 _COINCIDENT = 1e-5
@@ -22,14 +22,17 @@ _SAME_PLACE = 0.5
 # Up to so many nodes are joined one by one, which is exact; a tie of more costs a reduced body less.
 _EXACT = 12
 _SIX = 6
+# Largest motion of nodes at rest, relative to the body's size.
+_RESTS = 1e-6
 
 
 @dataclass(frozen=True)
 class Meeting:
-    """One side of a joint: a body and its interface."""
+    """One side of a joint: a body, its interface, and the components that it keeps, if not all."""
 
     body: str
     interface: Place
+    dofs: str = ""
 
     def __str__(self) -> str:
         return f"{self.body}.{self.interface.name}"
@@ -86,11 +89,15 @@ def meetings(
             apart |= {one, other}
             continue
         tied = alone and len(found) > _EXACT and all(_tieable(bodies[name], ids[name]) for name in ids)
-        pairs.append((_side(bodies, one, other, ids[one], tied), _side(bodies, other, one, ids[other], tied)))
+        dofs = "" if tied else _common_dofs(bodies, ids)
+        pair = (_side(bodies, one, other, ids[one], tied, dofs), _side(bodies, other, one, ids[other], tied, dofs))
+        if dofs and alone and (turning := _turning_sides(bodies, ids, pair, places)):
+            pair = turning
+        pairs.append(pair)
         apart -= {one, other}
-        for name in ids:
-            used[name] |= set(ids[name])
-            tied_before[name] |= set(ids[name]) if tied else set()
+        for side in pair:
+            used[side.body] |= set(side.interface.nodes)
+            tied_before[side.body] |= set(side.interface.nodes) if side.interface.tied else set()
     for (one, other), (mine, theirs) in facing.items():
         if apart & {one, other}:
             pairs.append((Meeting(one, mine), Meeting(other, theirs)))
@@ -99,6 +106,19 @@ def meetings(
     # Of two bodies, one remark says it for both.
     remarks += [_nearest(name, nodes, points) for name in (lonely[:1] if len(bodies) == 2 else lonely)]
     return pairs, tuple(remarks)
+
+
+def hold(body: FEModel, sides: Sequence[Meeting]) -> bool:
+    """True if the interfaces of a body at rest leave it no rigid motion."""
+    assert body.nodes is not None
+    held = np.zeros(body.n, dtype=np.bool_)
+    for side in sides:
+        rows = np.isin(body.dofs.node, side.interface.nodes) & (body.dofs.component > 0)
+        kept = [int(digit) for digit in side.dofs] or body.dofs.component
+        held |= rows & np.isin(body.dofs.component, kept)
+    shapes = rigid_body_shapes(body.dofs[held], body.nodes, body.nodes.xyz.mean(axis=0))
+    shapes[:, 3:] /= float(np.ptp(body.nodes.xyz, axis=0).max()) or 1.0
+    return bool(np.linalg.matrix_rank(shapes, tol=_RESTS) == _SIX)
 
 
 def _are_corners(facing: tuple[Place, Place], here: list[int], there: list[int]) -> bool:
@@ -139,24 +159,60 @@ def _tieable(body: FEModel, ids: list[int]) -> bool:
     """True if a rigid tie of the nodes determines all six motions of its point."""
     if len(ids) == 1:
         return False
-    counts = [set(body.dofs.component[body.dofs.node == node].tolist()) for node in ids]
+    counts = _components(body, ids)
     if not all({1, 2, 3} <= each for each in counts):
         return False
     return not in_line(body, ids) or all(len(each) == _SIX for each in counts)
 
 
-def _side(bodies: Mapping[str, FEModel], name: str, other: str, ids: list[int], tied: bool) -> Meeting:
+def _components(body: FEModel, ids: Sequence[int]) -> list[set[int]]:
+    return [set(body.dofs.component[body.dofs.node == node].tolist()) for node in ids]
+
+
+def _common_dofs(bodies: Mapping[str, FEModel], ids: Mapping[str, list[int]]) -> str:
+    """Components that all nodes of both sides have, where coinciding nodes have others; empty where they have not."""
+    here, there = (_components(bodies[name], ids[name]) for name in ids)
+    return "" if here == there else "".join(map(str, sorted(set.intersection(*here, *there))))
+
+
+def _turning_sides(
+    bodies: Mapping[str, FEModel],
+    ids: Mapping[str, list[int]],
+    pair: tuple[Meeting, Meeting],
+    places: Mapping[str, Sequence[Place]],
+) -> tuple[Meeting, Meeting] | None:
+    """Sides of a weld of one node with rotations and the face around a node without; None where there is no face."""
+    sides = []
+    for side in pair:
+        node = ids[side.body]
+        if len(node) > 1:
+            return None
+        if len(_components(bodies[side.body], node)[0]) == _SIX:
+            sides.append(Meeting(side.body, replace(side.interface, interface=f"{{node: {node[0]}}}")))
+            continue
+        faces = [place for place in places.get(side.body, ()) if place.tied and node[0] in place.nodes]
+        if not faces:
+            return None
+        face, xyz = min(faces, key=lambda each: len(each.nodes)), _xyz(bodies[side.body], np.array(node))[0]
+        at = ", ".join(f"{x:.9g}" for x in xyz)
+        words = f"{face.words}, tied to its node {node[0]}, which {side.interface.words}; the tie stiffens it"
+        keys = f"{face.interface.removesuffix('}')}, position: [{at}]}}"
+        sides.append(Meeting(side.body, replace(face, name=side.interface.name, interface=keys, words=words)))
+    return sides[0], sides[1]
+
+
+def _side(bodies: Mapping[str, FEModel], name: str, other: str, ids: list[int], tied: bool, dofs: str = "") -> Meeting:
     at = position(bodies[name], ids)
     many = f"{len(ids)} nodes that coincide with those of {other}, about {at}"
     many += "; the tie stiffens them" if tied else "; `tie: rigid` beside them makes one point, as a hinge needs"
-    listed = ", ".join(map(str, ids))
+    listed, kept = ", ".join(map(str, ids)), f", dofs: {dofs}" if dofs else ""
     if len(ids) == 1:
-        place = Place(f"to_{other}", f"{{node: {ids[0]}}}", (ids[0],), f"coincides with {other}, at {at}")
+        place = Place(f"to_{other}", f"{{node: {ids[0]}{kept}}}", (ids[0],), f"coincides with {other}, at {at}")
     elif tied:
         place = Place(f"to_{other}", f"{{nodes: [{listed}], tie: rigid}}", tuple(ids), many, tied=True)
     else:
-        place = Place(f"to_{other}", f"{{nodes: [{listed}]}}", tuple(ids), many)
-    return Meeting(name, place)
+        place = Place(f"to_{other}", f"{{nodes: [{listed}]{kept}}}", tuple(ids), many)
+    return Meeting(name, place, dofs)
 
 
 def _nearest(name: str, nodes: Mapping[str, NDArray[np.int64]], places: Mapping[str, NDArray[np.float64]]) -> str:

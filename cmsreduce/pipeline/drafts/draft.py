@@ -16,7 +16,7 @@ from cmsreduce.errors import CmsReduceError, DofMapError, ReadError
 from cmsreduce.model import SI, FEModel, Units
 from cmsreduce.pipeline.bodies import REDUCED_FILES, damping_health, material_of, plausible_units, reduced_body
 from cmsreduce.pipeline.drafts.body_files import bodies_of_files, body_names, deck_beside
-from cmsreduce.pipeline.drafts.coincident_nodes import meetings
+from cmsreduce.pipeline.drafts.coincident_nodes import hold, meetings
 from cmsreduce.pipeline.drafts.first_mode import QUICK, first_elastic, free_motions, is_held
 from cmsreduce.pipeline.drafts.mounts import (
     cells_of,
@@ -88,7 +88,9 @@ def draft_pipeline(name: str, files: Sequence[Path]) -> Draft:
     meeting, apart = meetings(bodies, lengths, places)
     drafts = [joined(draft, bodies.get(draft.name), meeting) for draft in drafts]
     joints = [(f"{one.body}_{other.body}", str(one), str(other)) for one, other in meeting]
-    return Draft(scene_pipeline(name, drafts, joints), (*_warnings(drafts), *apart))
+    sides = [side for pair in meeting for side in pair]
+    held = all(hold(bodies[one], [side for side in sides if side.body == one]) for one in {s.body for s in sides})
+    return Draft(scene_pipeline(name, drafts, joints, held), (*_warnings(drafts), *apart))
 
 
 def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:

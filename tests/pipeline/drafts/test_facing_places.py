@@ -17,7 +17,7 @@ from cmsreduce.pipeline import Run, Silent
 from cmsreduce.pipeline.drafts import draft_pipeline
 from cmsreduce.pipeline.drafts.facing_places import facing_places
 from cmsreduce.pipeline.drafts.proposed_interfaces import Place, proposed_interfaces
-from tests.frames import rotation
+from tests.frames import frame, rotation
 from tests.pipeline.bodies.decks import brick_cards
 from tests.solids import block
 
@@ -70,24 +70,28 @@ def test_faces_that_do_not_lie_against_each_other_make_none(far: FEModel) -> Non
     assert facing(far) == ()
 
 
-def test_the_draft_of_two_meshes_is_a_scene_that_runs(tmp_path: Path) -> None:
-    """Halves of a beam, whose meshes have the corners of the face in common: welded there alone it is 15 % softer."""
-    files = []
-    for body, cells in ((NEAR, COARSE), (FAR, FINE)):
-        stiffness, mass, rows, deck = (tmp_path / f"{body.name}.{end}" for end in ("K.npz", "M.npz", "txt", "bdf"))
-        sp.save_npz(stiffness, sp.csc_array(body.K))
-        sp.save_npz(mass, sp.csc_array(body.M))
-        rows.write_text("\n".join(body.dofs.labels))
-        grids = [
-            f"GRID,{k},,{x:.6f},{y:.6f},{z:.6f}" for k, (x, y, z) in zip(body.nodes.id, body.nodes.xyz, strict=True)
-        ]
-        deck.write_text("\n".join(["BEGIN BULK", *grids, *brick_cards(cells), "ENDDATA\n"]))
-        files += [stiffness, mass, rows, deck]
+def saved(folder: Path, body: FEModel, cards: list[str]) -> list[Path]:
+    """Matrices, rows and deck of a body."""
+    stiffness, mass, rows, deck = (folder / f"{body.name}.{end}" for end in ("K.npz", "M.npz", "txt", "bdf"))
+    sp.save_npz(stiffness, sp.csc_array(body.K))
+    sp.save_npz(mass, sp.csc_array(body.M))
+    rows.write_text("\n".join(body.dofs.labels))
+    grids = [f"GRID,{k},,{x:.6f},{y:.6f},{z:.6f}" for k, (x, y, z) in zip(body.nodes.id, body.nodes.xyz, strict=True)]
+    deck.write_text("\n".join(["BEGIN BULK", *grids, *cards, "ENDDATA\n"]))
+    return [stiffness, mass, rows, deck]
+
+
+def drafted(folder: Path, files: list[Path]) -> Run:
     draft = draft_pipeline("beam", files)
     assert draft.warnings == ()
-    path = tmp_path / "beam.yaml"
+    path = folder / "beam.yaml"
     path.write_text(draft.text)
-    run = Run(load_pipeline(path), tmp_path / "out", Silent())
+    return Run(load_pipeline(path), folder / "out", Silent())
+
+
+def test_the_draft_of_two_meshes_is_a_scene_that_runs(tmp_path: Path) -> None:
+    """Halves of a beam, whose meshes have the corners of the face in common: welded there alone it is 15 % softer."""
+    run = drafted(tmp_path, [*saved(tmp_path, NEAR, brick_cards(COARSE)), *saved(tmp_path, FAR, brick_cards(FINE))])
     system = run.in_dofs.system(run.scene.configurations[0])
     # Bricks that are as long as they are on average.
     whole = block("whole", (2 * SIDES[0], *SIDES[1:]), (9, 2, 2))
@@ -96,3 +100,42 @@ def test_the_draft_of_two_meshes_is_a_scene_that_runs(tmp_path: Path) -> None:
         for A, B in ((system.K, system.M), (whole.K, whole.M))
     )
     assert w == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("starts", "welded", "rigid"),
+    [
+        ([(0.4, 0.03, 0.05)], True, 6),
+        ([(0.16, 0.03, 0.05)], False, 9),
+        ([(0.4, 0, 0), (0.4, 0.06, 0.1)], False, 7),
+        ([(0.4, 0, 0), (0.4, 0.06, 0), (0.4, 0, 0.1)], False, 6),
+    ],
+    ids=["face", "inside", "line", "corners"],
+)
+def test_bars_that_meet_a_solid_make_a_scene_that_runs(tmp_path: Path, starts: list, welded: bool, rigid: int) -> None:
+    """The draft locked rotations that nodes of a solid have not, and its run was refused; the dense system is known."""
+    m = len(starts)
+    xyz = np.array([*starts, (0.7, 0.03, 0.05), (0.9, 0.1, 0.1), (0.8, -0.1, 0.02)])
+    boom = frame("boom", xyz, [*((k, m + 1) for k in range(1, m + 1)), (m + 1, m + 2), (m + 1, m + 3)])
+    run = drafted(tmp_path, [*saved(tmp_path, NEAR, brick_cards(COARSE)), *saved(tmp_path, boom, [])])
+    assert run.pipeline.reduce.method == ("craig-bampton" if rigid == 6 else "macneal-rubin")
+    system = run.in_dofs.system(run.scene.configurations[0])
+    # Each start moves as the node of the solid does; a weld takes the whole face with it.
+    n, follows = NEAR.n, np.eye(NEAR.n + boom.n)
+    own = np.zeros(n + boom.n, dtype=bool)
+    for k, start in enumerate(starts):
+        at = int(np.flatnonzero(np.isclose(NEAR.nodes.xyz, start).all(axis=1))[0])
+        if welded:
+            for node in np.flatnonzero(np.isclose(NEAR.nodes.xyz[:, 0], 0.4)):
+                rows, arm = slice(3 * node, 3 * node + 3), NEAR.nodes.xyz[node] - start
+                follows[rows], own[rows] = 0.0, True
+                follows[rows, n : n + 6] = np.hstack([np.eye(3), np.cross(np.eye(3), arm).T])
+        else:
+            rows = slice(n + 6 * k, n + 6 * k + 3)
+            follows[rows], own[rows] = 0.0, True
+            follows[rows, 3 * at : 3 * at + 3] = np.eye(3)
+    T = follows[:, ~own]
+    K, M = (T.T @ la.block_diag(*(A.toarray() for A in pair)) @ T for pair in ((NEAR.K, boom.K), (NEAR.M, boom.M)))
+    expected = la.eigvalsh(K, M)[rigid : rigid + 3]
+    found = la.eigvalsh(system.K.toarray(), system.M.toarray())
+    assert found[rigid : rigid + 3] == pytest.approx(expected, rel=1e-6) and found[rigid - 1] < 1e-6 * expected[0]
