@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes, last_digits
+from cmsreduce.model import DOUBLE, SCALAR, DofTable, FEModel, Nodes, last_digits
 from cmsreduce.read.printed_numbers import rounding_of_digits
 from cmsreduce.read.row_order.held_body import shown_rows
 from cmsreduce.read.row_order.held_proof import held_proof, loaded_nodes, not_proven, of_few_motions, stiffness_files
@@ -128,7 +128,7 @@ def _by_rigid_motions(body: FEModel, geometry: Nodes) -> RowOrderProof:
     condensed = is_condensed(body)
     held = without_idle_turns(body)
     found = rigid_residual(body.K, body.dofs, geometry, held, body.rounding, condensed, body.noise)
-    if not found.vanishes and (rounding := _rounding_of_decimals(body)) > body.rounding:
+    if not found.vanishes and (rounding := _rounding_of_decimals(body)):
         with contextlib.suppress(DofMapError):
             proof = _by_rigid_motions(replace(body, rounding=rounding), geometry)
             if proof.status == "proven":
@@ -172,7 +172,7 @@ def _rounding_of_decimals(body: FEModel) -> float:
 
     Among few numbers many are short by chance, so that their lengths alone do not show it.
     """
-    shown = last_digits(body.K.data)
+    shown = last_digits(body.K.data) if body.rounding <= DOUBLE else None
     return rounding_of_digits(shown[1]) if shown is not None and shown[1] >= _FEWEST_DIGITS else 0.0
 
 
