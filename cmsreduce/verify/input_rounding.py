@@ -20,6 +20,7 @@ from cmsreduce.model import (
     cross_matrix,
     entry_errors,
 )
+from cmsreduce.verify.body_matrices import mass_rounding
 from cmsreduce.verify.mass_properties import rigid_mass_properties
 
 __all__ = [
@@ -100,18 +101,18 @@ def frequency_error_bars(component: ModalComponent, columns: slice | NDArray[np.
 
     Notes
     -----
-    First order: d(w^2) = phi^T (dK - w^2 dM) phi. Each number in K has an error of uniform distribution up to half a
-    unit of its last digit; equal numbers have equal errors. The parts of the strain energy may cancel, so that it has
-    fewer digits than K. Those of the kinetic energy do not.
+    First order: d(w^2) = phi^T (dK - w^2 dM) phi. Each number has an error of uniform distribution up to half a unit of
+    its last digit; equal numbers of a matrix have equal errors. The parts of an energy may cancel, so that it has fewer
+    digits than its matrix: those of the strain energy of soft modes, and of the kinetic energy of condensed masses,
+    whose couplings have either sign. Those of M in double precision show nowhere.
     """
     body, omega = component.body, component.omega[columns]
     if not omega.size:
         return np.empty(0)
-    found, left, Phi = np.zeros(omega.size), body.rounding, component.Phi[:, columns]
-    if body.K.nnz * omega.size <= _REPEATED:
-        found, left = _of_repeated(body, Phi), 0.0
-    if left or body.noise:
-        found = found + _of_independent(body.K, left, body.noise, Phi)
+    Phi = component.Phi[:, columns]
+    found = _squared_changes(body.K, body.rounding, body.noise, Phi)
+    if (digits := mass_rounding(body)) > DOUBLE:
+        found = found + omega**4 * _squared_changes(body.M, digits, 0.0, Phi)
     moved = _DEVIATIONS * np.sqrt(found / 3) + PRINTED * body.stiffness_rounding * omega**2
     return np.asarray(moved / (2 * omega) / (2 * np.pi))
 
@@ -175,13 +176,21 @@ def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
     return float(found[worst]), float(allowed[worst])
 
 
-def _of_repeated(body: FEModel, Phi: Array) -> Array:
-    """Sum of squares of the largest changes of w^2 by each different number in K (k,)."""
-    entries = sp.coo_array(sp.triu(body.K))
+def _squared_changes(A: sp.csc_array, rounding: float, noise: float, Phi: Array) -> Array:
+    """Sum of squares of the largest changes of phi^T A phi by the rounding of each number in A, and by noise (k,)."""
+    found, left = np.zeros(Phi.shape[1]), rounding
+    if A.nnz * found.size <= _REPEATED:
+        found, left = _of_repeated(A, rounding, Phi), 0.0
+    return found + _of_independent(A, left, noise, Phi) if left or noise else found
+
+
+def _of_repeated(A: sp.csc_array, rounding: float, Phi: Array) -> Array:
+    """Sum of squares of the largest changes of phi^T A phi by each different number in A (k,)."""
+    entries = sp.coo_array(sp.triu(A))
     value, at = np.unique(abs(entries.data), return_inverse=True)
     # A number below the diagonal is that above it.
     twice = np.where(entries.row == entries.col, 1.0, 2.0)
-    squares, sign = entry_errors(value, body.rounding) ** 2, twice * np.sign(entries.data)
+    squares, sign = entry_errors(value, rounding) ** 2, twice * np.sign(entries.data)
     shapes = (np.asarray(phi) for phi in Phi.T)
     return np.array(
         [
@@ -191,9 +200,9 @@ def _of_repeated(body: FEModel, Phi: Array) -> Array:
     )
 
 
-def _of_independent(K: sp.csc_array, rounding: float, noise: float, Phi: Array) -> Array:
-    """Sum of squares of the largest changes of w^2 by each entry of K and its mirror image (k,)."""
-    product, diagonal = _squared_errors(K, rounding, noise)
+def _of_independent(A: sp.csc_array, rounding: float, noise: float, Phi: Array) -> Array:
+    """Sum of squares of the largest changes of phi^T A phi by each entry of A and its mirror image (k,)."""
+    product, diagonal = _squared_errors(A, rounding, noise)
     found = np.zeros(Phi.shape[1])
     for part in column_blocks(found.size):
         # By rows, as the product reads and writes them.
