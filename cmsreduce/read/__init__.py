@@ -49,12 +49,15 @@ from cmsreduce.read.stated import (
     SAME_PLACE,
     SOLIDS,
     STRAINS,
+    SolidEntries,
     StatedEnergy,
     StatedMass,
     StatedNodes,
     StatedPlates,
     are_affine,
     integrals,
+    solid_masses,
+    solid_stiffness,
 )
 from cmsreduce.read.superelement import SuperelementMatrices, superelement_damping, superelement_matrices
 
@@ -81,6 +84,7 @@ __all__ = [
     "bars_in_units",
     "SAME_PLACE",
     "SOLIDS",
+    "SolidEntries",
     "STRAINS",
     "StatedEnergy",
     "StatedMass",
@@ -124,4 +128,6 @@ __all__ = [
     "superelement_matrices",
     "texts_kept",
     "with_inner_grids",
+    "solid_masses",
+    "solid_stiffness",
 ]

@@ -15,6 +15,7 @@ from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import FEModel, Finding, Proof
 from cmsreduce.pipeline.evidence import (
     BOUNDED,
+    ENTRIES,
     EXACT,
     NodesAgainstDeck,
     against_deck,
@@ -24,24 +25,25 @@ from cmsreduce.pipeline.evidence import (
     fields_in_words,
     followers_in_words,
     generalised_coordinates,
+    inner_masses,
     links_against_deck,
     lumps,
+    mass_by_entries,
     mass_order_by_deck,
     moments_toward_neighbours,
     nodes_against_deck,
     nodes_times_deck,
+    one_mass,
     order_that_shows,
     points_against_deck,
     ratio_in_words,
+    rows_by_entries,
     without_points,
 )
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass
 from cmsreduce.verify import (
-    REALISABLE,
     cancelled_masses,
-    free_mass,
-    inertia_excess,
     mass_rounding,
     negative_directions,
     rigid_mass_properties,
@@ -140,6 +142,8 @@ def prove_body(
     """
     energy, free = stated[1], rows.status == "proven" and rows.motions == _ALL_MOTIONS
     at_nodes = None if energy is None or energy.at_nodes is None else nodes_against_deck(body, energy.at_nodes, free)
+    if stated[0] is not None and rows_by_entries(body, stated[0].entries, rows.hidden.rows):
+        rows = replace(rows, hidden=rows.hidden.without_rows())
     checks, row_proof = _rows(rows, at_nodes)
     stiffness, stiffness_proof = _stiffness(body, energy, at_nodes, negative["stiffness"])
     if (digits := mass_rounding(body)) > body.rounding:
@@ -247,7 +251,10 @@ def _mass(
             return [check], Proof("mass", "refuted", remark=f"{name}: {check.note}")
         body = tied = replace(body, M=rest)
         apart = "; masses of the deck that differ by direction were taken out before"
-    checks, wrong = _one_mass(tied, rows.beside > 0), f"{negative} motions have negative energy" if negative else ""
+    checks, wrong = (
+        one_mass(tied, max(_MASS_ALIKE, _MASS_FACTOR * tied.stiffness_rounding), rows.beside > 0),
+        f"{negative} motions have negative energy" if negative else "",
+    )
     modal = order.status == "modal"
     ordered, evidence = modal or order.status == "proven", order.remark
     # At a corner of a mesh, nodes of one element alone couple with the same nodes; the order of all others is proven.
@@ -287,16 +294,19 @@ def _mass(
     amount = any(check.name.startswith("mass against the deck") for check in checks)
     said = "; mass, centre and inertia agree with the deck" if amount and free else ""
     said += "" if amount else f"; no deck states its amount, which is not proven: {compare()}"
-    if not any("same mass" in check.name for check in checks):
+    if not any("same mass" in check.name or check.name == ENTRIES for check in checks):
         said += "; the body is held, so that its masses along x, y, z are not compared"
     whose = "" if ordered else "most nodes"
     # A consistent mass shares some of the mass of nodes next to supports with these, which have no rows.
-    beside = order.status != "lumped" and any(check.name.endswith("away from supports") for check in checks)
-    away = "nodes away from supports" if beside else ""
-    only = whose or away
+    beside = order.status != "lumped" and checks[-1:] and checks[-1].name != ENTRIES
+    away = beside and any(check.name.endswith("away from supports") for check in checks)
+    only = whose or ("nodes away from supports" if away else "")
     if not amount:
         only, unseen = ("order", "") if modal else order_that_shows(replace(body, M=rest), whose)
         apart += unseen
+    elif order.status != "proven" and not modal and (count := inner_masses(body)):
+        only = only or "nodes"
+        apart += f"; nothing shows the order of the {count} dofs inside elements, which have mass"
     return checks, Proof("mass", "proven", digits, f"{evidence}{said}{apart}", only=only)
 
 
@@ -310,11 +320,17 @@ def _mass_by_deck(
     # Nodes with each other's mass are looked for where the mass as a whole, the first check, is that of the deck.
     if not known or not all(check.passed for check in checks[:1]):
         return checks, False, ""
+    # Those of a free body are compared where the sums at its nodes show nothing.
+    by_entry = "each entry is that of the elements of the deck"
+    if not free and (entries := mass_by_entries(body, stated)) is not None:
+        return [*checks, entries], True, by_entry
     if (apart := directions_against_deck(body, stated)) is not None:
         checks.append(apart)
     if (points := points_against_deck(body, stated)) is not None:
         checks.append(points)
     nodes = mass_order_by_deck(body, stated.nodal, free or order.status == "lumped")
+    if nodes is None and free and (entries := mass_by_entries(body, stated)) is not None:
+        return [*checks, entries], True, by_entry
     if nodes is None:
         return checks, False, followers_in_words(body, stated.nodal) if away is None else ""
     return [*checks, nodes], nodes.passed, "each node has the mass that the deck states" if nodes.passed else ""
@@ -326,19 +342,3 @@ def _figures(body: FEModel) -> str:
     centre = ", ".join(f"{x:.6g}" for x in found.cg)
     moments = ", ".join(f"{x:.6g}" for x in found.inertia.diagonal())
     return f"mass {found.mass.max():.6g}, centre ({centre}), inertia ({moments}) in {units.name}, and its frequencies"
-
-
-def _one_mass(body: FEModel, beside: bool) -> list[Finding]:
-    """One mass in all directions at one place, with an inertia that mass can have."""
-    free = free_mass(body, beside)
-    along = free.along
-    if along.size < 2:
-        return []
-    limit = max(_MASS_ALIKE, _MASS_FACTOR * body.stiffness_rounding)
-    axes = "" if along.size == 3 else f"only {' and '.join('xyz'[k] for k in along)} move"
-    found = [Finding("mass matrix: the same mass along x, y, z", free.disorder, limit, axes)]
-    excess = inertia_excess(free.rigid) if along.size == 3 else None
-    if excess is not None:
-        limit = max(REALISABLE, _MASS_FACTOR * body.stiffness_rounding)
-        found.append(Finding("inertia: beyond what mass can have", excess, limit))
-    return found

@@ -13,6 +13,7 @@ from cmsreduce.pipeline.evidence.deck_agreement import (
     ratio_in_words,
     statement_of,
 )
+from cmsreduce.pipeline.evidence.entries_of_solids import ENTRIES, mass_by_entries, rows_by_entries
 from cmsreduce.pipeline.evidence.mass_against_deck import (
     directions_against_deck,
     followers_in_words,
@@ -23,15 +24,17 @@ from cmsreduce.pipeline.evidence.nodal_links import links_against_deck
 from cmsreduce.pipeline.evidence.nodal_mass import (
     exchanges_hidden,
     generalised_coordinates,
+    inner_masses,
     lumps,
     moments_toward_neighbours,
 )
 from cmsreduce.pipeline.evidence.nodal_stiffness import NodesAgainstDeck, nodes_against_deck
 from cmsreduce.pipeline.evidence.point_masses import points_against_deck, without_points
-from cmsreduce.pipeline.evidence.rows_of_masses import order_that_shows
+from cmsreduce.pipeline.evidence.rows_of_masses import one_mass, order_that_shows
 
 __all__ = [
     "BOUNDED",
+    "ENTRIES",
     "EXACT",
     "NodesAgainstDeck",
     "against_deck",
@@ -40,16 +43,20 @@ __all__ = [
     "exchanges_hidden",
     "fields_in_words",
     "generalised_coordinates",
+    "inner_masses",
     "links_against_deck",
     "lumps",
     "followers_in_words",
+    "mass_by_entries",
     "mass_order_by_deck",
     "moments_toward_neighbours",
     "nodes_against_deck",
     "nodes_times_deck",
+    "one_mass",
     "order_that_shows",
     "points_against_deck",
     "ratio_in_words",
+    "rows_by_entries",
     "statement_of",
     "without_points",
 ]

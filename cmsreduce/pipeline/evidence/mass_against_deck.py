@@ -114,9 +114,11 @@ def nodes_times_deck(body: FEModel, stated: StatedMass, solids: StatedNodes | No
     at = body.nodes.index(ids)
     # Along a direction without rows a node shows no mass.
     full = (body.dofs.rows(ids[:, None], np.arange(1, 4)).reshape(-1, 3) >= 0).all(axis=1)
-    full &= abs(nodal[at]) > _SAME * abs(nodal).max(initial=0.0)
-    whole = full & away_from_supports(body, ids, () if solids is None else solids.solids)
     found, share = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
+    # A light node here is not one there if the deck has the density of one part in another unit.
+    full &= (abs(share) > _SAME * abs(nodal).max(initial=0.0)) | (abs(found) > _SAME * abs(found).max(initial=0.0))
+    full &= share != 0
+    whole = full & away_from_supports(body, ids, () if solids is None else solids.solids)
     most = float(np.median(found[whole] / share[whole])) if whole.any() else 0.0
     joined = _joined(body, most * nodal, ids, P, whole)
     if joined is None:

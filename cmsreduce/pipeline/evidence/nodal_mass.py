@@ -16,6 +16,7 @@ __all__ = [
     "MomentsToward",
     "exchanges_hidden",
     "generalised_coordinates",
+    "inner_masses",
     "lumps",
     "momentum_of_nodes",
     "moments_toward_neighbours",
@@ -103,6 +104,19 @@ def generalised_coordinates(body: FEModel) -> int:
         return 0
     alike = np.ptp(mass) <= max(_COUPLED, _ROUNDINGS * body.rounding) * mass.max()
     return 0 if alike and not shared(body.M)[alone].any() else count
+
+
+def inner_masses(body: FEModel) -> int:
+    """Scalar dofs with different masses, as those inside elements; 0 if they are alike and share mass with no others.
+
+    An exchange of two of them in the mass alone leaves the masses of all nodes.
+    """
+    inner = np.flatnonzero((body.dofs.component == SCALAR) & (body.M.diagonal() > 0))
+    if inner.size < 2:
+        return 0
+    own = body.M.diagonal()[inner]
+    alike = np.ptp(own) <= _COUPLED * own.max() and body.M[:, inner].nnz == inner.size
+    return 0 if alike else int(inner.size)
 
 
 def exchanges_hidden(body: FEModel) -> int | None:

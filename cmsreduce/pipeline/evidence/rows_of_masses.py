@@ -11,20 +11,44 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.model import FEModel, cross_matrix, each_once
+from cmsreduce.model import FEModel, Finding, cross_matrix, each_once
 from cmsreduce.pipeline.evidence.mass_against_deck import away_from_supports
 from cmsreduce.pipeline.evidence.nodal_mass import moments_toward_neighbours
+from cmsreduce.verify import REALISABLE, free_mass, inertia_excess
 
-__all__ = ["order_that_shows"]
+__all__ = ["one_mass", "order_that_shows"]
 
 Array = NDArray[np.float64]
 
+_EXCESS = "inertia: beyond what mass can have"
 # Of the mass of a node, or of its inertia: what is more is another direction.
 _SAME = 1e-6
 # Roundings of the file that add up over a node.
 _ROUNDINGS = 1e3
 # Distance of nodes at one place, relative to the size of the body.
 _ONE_PLACE = 1e-5
+
+
+def one_mass(body: FEModel, limit: float, beside: bool) -> list[Finding]:
+    """Compare the masses along x, y and z at one place, and their inertia with that of any mass.
+
+    Parameters
+    ----------
+    body : FEModel
+        With its ties.
+    limit : float
+        Relative difference that round-off may leave.
+    beside : bool
+        True if some nodes stand next to the ground.
+    """
+    free = free_mass(body, beside)
+    along = free.along
+    if along.size < 2:
+        return []
+    axes = "" if along.size == 3 else f"only {' and '.join('xyz'[k] for k in along)} move"
+    found = [Finding("mass matrix: the same mass along x, y, z", free.disorder, limit, axes)]
+    excess = inertia_excess(free.rigid) if along.size == 3 else None
+    return found if excess is None else [*found, Finding(_EXCESS, excess, max(REALISABLE, limit))]
 
 
 def order_that_shows(body: FEModel, whose: str) -> tuple[str, str]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.model import Nodes
 from cmsreduce.read.calculix_abaqus.decks import Block, deck_sets, element_sections, longest_start
 from cmsreduce.read.calculix_abaqus.expansion import expansion_beside, solid_of_shell
-from cmsreduce.read.stated import RULES, SOLIDS, NotCountedError, Rule, Solid, are_curved
+from cmsreduce.read.stated import LINEAR_RULES, RULES, SOLIDS, NotCountedError, Rule, Solid, are_curved
 
 __all__ = ["Elements", "Material", "elements_of", "materials_of"]
 
@@ -47,6 +47,11 @@ class Elements:
     def rule(self) -> Rule | None:
         """Points of integration of a quadratic solid; None where they are not known."""
         return RULES.get((self.kind, self.reduced)) if self.plain else None
+
+    @property
+    def whole_rule(self) -> Rule | None:
+        """Points by which CalculiX integrates all entries of its matrices; None where they are not known."""
+        return self.rule or LINEAR_RULES.get((self.kind, self.reduced))
 
     def at(self, nodes: Nodes) -> Elements:
         """The elements with the positions of their nodes in place of the numbers.

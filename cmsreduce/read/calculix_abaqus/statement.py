@@ -18,6 +18,7 @@ from cmsreduce.read.stated import (
     MassPart,
     NotCountedError,
     Rule,
+    SolidEntries,
     Solids,
     StatedEnergy,
     StatedMass,
@@ -49,6 +50,8 @@ _STIFFENING = ("SPRING", "CONTACT PAIR", "CONTACT", "GAP")
 _STRESSED = ("STATIC", "DYNAMIC", "VISCO", "COUPLED TEMPERATURE-DISPLACEMENT")
 # Gauss points each way: exact for straight elements, and for their volumes; of reduced integration; for curved ones.
 _POINTS, _VOLUME, _REDUCED, _MORE = 3, 2, {"C3D8": 1, "C3D20": 2}, 4
+# Of straight solids with all points, skew ones of this kind alone are not integrated exactly.
+_INEXACT = "C3D6"
 # A program's rule differs from the exact one by at most so many times the difference of the rules compared here.
 _RULES = 2.0
 # Of the largest mass at a node: masses that differ by less are the same.
@@ -118,10 +121,12 @@ def _mass(
     stated = sum_of_masses([*masses, *exact], len(nodes))
     if stated is None:
         return None
-    # A program may integrate curved or reduced elements with fewer points, CalculiX by the rule of the stiffness.
-    fewer = [each.reduced or bool(each.curved(nodes).any()) for each, _ in found]
+    # A program may integrate such elements with fewer points, CalculiX by the rule of the stiffness.
+    fewer = [each.reduced or each.kind == _INEXACT or bool(each.curved(nodes).any()) for each, _ in found]
     others = [
-        _spread(each, density, nodes, each.rule or (_REDUCED.get(each.kind, _POINTS) if each.reduced else _POINTS))
+        _spread(
+            each, density, nodes, each.whole_rule or (_REDUCED.get(each.kind, _POINTS) if each.reduced else _POINTS)
+        )
         if by_other
         else part
         for part, (each, density), by_other in zip(exact, found, fewer, strict=True)
@@ -134,7 +139,7 @@ def _mass(
     limit = _SAME * float(abs(stated.nodal).max())
     same = bool((abs(other.nodal - stated.nodal) <= limit).all())
     ruled = not same and all(
-        each.rule is not None for (each, _), by_other in zip(found, fewer, strict=True) if by_other
+        each.whole_rule is not None for (each, _), by_other in zip(found, fewer, strict=True) if by_other
     )
     lumps = np.zeros((len(nodes), 6, 6))
     for k, (_, mass) in zip(at, points, strict=True):
@@ -148,6 +153,7 @@ def _mass(
         nodal_known=(same or ruled) and bool(moving[stated.nodal != 0].all()),
         by_rule=other.nodal if ruled else None,
         points=lumps if points else None,
+        entries=_entries(solids, materials),
         nodal_if_lumped=bool((abs(even.nodal - stated.nodal) <= limit).all()),
     )
 
@@ -214,6 +220,17 @@ def _at_nodes(
         beside.append(each.nodes[~sure].ravel())
     none = np.zeros(0, dtype=np.int64)
     return sum_at_nodes(len(nodes), found, None, none, np.concatenate([none, *beside]))
+
+
+def _entries(solids: Sequence[Elements], materials: dict[str, Material]) -> tuple[SolidEntries, ...]:
+    """All solids with the rules of CalculiX; none if that of some is not known."""
+    found = []
+    for each in solids:
+        if (rule := each.whole_rule) is None:
+            return ()
+        made = materials.get(each.material, Material())
+        found.append(SolidEntries(each.solid, rule, each.nodes, *_moduli(made), made.density))
+    return tuple(found)
 
 
 def _moduli(made: Material) -> tuple[float, float]:

@@ -49,6 +49,10 @@ class HiddenRows(NamedTuple):
         """True if no row is proven."""
         return 0 < self.total == self.rows.size
 
+    def without_rows(self) -> HiddenRows:
+        """What is left once the rows are shown by other means."""
+        return self._replace(rows=self.rows[:0]) if self.mirrored else NONE_HIDDEN
+
     def joined(self, other: HiddenRows) -> HiddenRows:
         """The rows of both."""
         if not (self.only and other.only):

@@ -5,6 +5,7 @@ The elements themselves belong in the rooms of the formats, such as `read.nastra
 """
 
 from cmsreduce.read.stated.isoparametric import (
+    LINEAR_RULES,
     RULES,
     SOLIDS,
     Integrals,
@@ -17,6 +18,7 @@ from cmsreduce.read.stated.isoparametric import (
 )
 from cmsreduce.read.stated.links import sole_links
 from cmsreduce.read.stated.nodes import Solids, flat_plates, sum_at_nodes, uniform_forces
+from cmsreduce.read.stated.solid_entries import SolidEntries, solid_masses, solid_stiffness
 from cmsreduce.read.stated.statement import (
     SAME_PLACE,
     STRAINS,
@@ -41,6 +43,7 @@ from cmsreduce.read.stated.statement import (
 __all__ = [
     "EnergyPart",
     "Integrals",
+    "LINEAR_RULES",
     "MassPart",
     "NotCountedError",
     "RULES",
@@ -49,6 +52,7 @@ __all__ = [
     "SOLIDS",
     "STRAINS",
     "Solid",
+    "SolidEntries",
     "Solids",
     "StatedEnergy",
     "StatedMass",
@@ -67,6 +71,8 @@ __all__ = [
     "slope_integrals",
     "sole_links",
     "solid_energy",
+    "solid_masses",
+    "solid_stiffness",
     "sum_at_nodes",
     "sum_of_energies",
     "sum_of_masses",

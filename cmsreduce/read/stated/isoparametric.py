@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "LINEAR_RULES",
     "RULES",
     "SOLIDS",
     "Integrals",
@@ -18,6 +19,7 @@ __all__ = [
     "affine_slope_integrals",
     "are_affine",
     "integrals",
+    "quadrature",
     "slope_integrals",
 ]
 
@@ -154,6 +156,14 @@ these rules give its forces and its energy to the last digit.
 """
 
 
+LINEAR_RULES = {
+    ("C3D4", False): Rule(np.full((1, 3), 0.25), np.full(1, 1 / 6)),
+    ("C3D6", False): Rule(np.array([[1, 1, z] for z in (-np.sqrt(3), np.sqrt(3))]) / 3, np.full(2, 0.5)),
+    ("C3D8", False): _gauss(SOLIDS["C3D8"], 2),
+}
+"""Points by which CalculiX integrates both matrices of solids of corners, also of those with internal dofs (C3D8I)."""
+
+
 def integrals(solid: Solid, nodes: Array, points: int | Rule) -> Integrals:
     """Integrate over solids (e, k, 3) by a rule, or with a number of Gauss points each way.
 
@@ -169,7 +179,7 @@ def integrals(solid: Solid, nodes: Array, points: int | Rule) -> Integrals:
     x = np.ascontiguousarray(nodes.transpose(2, 1, 0))
     volume, moment = np.zeros(x.shape[2]), np.zeros((3, x.shape[2]))
     shares, second = np.zeros((x.shape[1], x.shape[2])), np.zeros((3, 3, x.shape[2]))
-    for weight, shape, slopes in zip(*_quadrature(solid, points), strict=True):
+    for weight, shape, slopes in zip(*quadrature(solid, points), strict=True):
         here, (a, b, c) = shape @ x, np.moveaxis(slopes @ x, 1, 0)
         size = weight * sum(a[k] * (b[k - 2] * c[k - 1] - b[k - 1] * c[k - 2]) for k in range(3))
         volume += size
@@ -195,7 +205,7 @@ def slope_integrals(solid: Solid, nodes: Array, points: int | Rule) -> Array:
     """
     found = np.zeros(nodes.shape)
     volume = np.zeros(len(nodes))
-    for weight, _, slopes in zip(*_quadrature(solid, points), strict=True):
+    for weight, _, slopes in zip(*quadrature(solid, points), strict=True):
         a, b, c = np.moveaxis(slopes @ nodes, 1, 0)
         # Rows of the adjugate: the inverse of the map's Jacobian times its determinant.
         adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
@@ -213,7 +223,7 @@ def affine_slope_integrals(solid: Solid, nodes: Array) -> Array:
     >>> bool(np.allclose(affine_slope_integrals(cube, cube.places[None]), slope_integrals(cube, cube.places[None], 2)))
     True
     """
-    weights, _, slopes = _quadrature(solid, 2)
+    weights, _, slopes = quadrature(solid, 2)
     whole = np.einsum("q,qik->ik", weights, slopes)
     a, b, c = np.moveaxis((whole / weights.sum()) @ nodes, 1, 0)
     adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
@@ -234,7 +244,7 @@ def are_affine(solid: Solid, nodes: Array, tolerance: float) -> NDArray[np.bool_
     return np.asarray((np.einsum("kie,kie->ke", off, off) <= (tolerance * size) ** 2).all(axis=0))
 
 
-def _quadrature(solid: Solid, points: int | Rule) -> tuple[Array, Array, Array]:
+def quadrature(solid: Solid, points: int | Rule) -> tuple[Array, Array, Array]:
     """Weights (q,), shape functions (q, k) and their slopes (q, 3, k) at the points of a rule."""
     grid, weights = points if isinstance(points, Rule) else _gauss(solid, points)
     inverse = np.linalg.inv(_monomials(solid.powers, solid.places))

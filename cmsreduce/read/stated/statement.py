@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model import Nodes, each_once
+from cmsreduce.read.stated.solid_entries import SolidEntries
 
 __all__ = [
     "SAME_PLACE",
@@ -90,6 +91,8 @@ class StatedMass(NamedTuple):
         Masses at each node that differ by direction, as water around a hull, along basic axes. Nothing else has them.
     by_rule : (N,) float64, optional
         ``nodal`` by a program's rule of integration, where that gives other masses.
+    entries : tuple of SolidEntries
+        All elements but point masses, if they are solids whose matrices a program's rule gives to the last digit.
     """
 
     mass: float
@@ -105,6 +108,7 @@ class StatedMass(NamedTuple):
     turning: Array | None = None
     uneven: Array | None = None
     by_rule: Array | None = None
+    entries: tuple[SolidEntries, ...] = ()
 
 
 class StatedPlates(NamedTuple):
