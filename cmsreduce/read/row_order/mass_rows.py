@@ -68,7 +68,10 @@ def rows_among_others(
     by_any = sp.csr_array(sp.csr_array((np.ones(n, np.int32), (node, np.arange(n))), shape=(count, n)) @ fitting)
     # Rows beside others of their node that couple what the stiffness does.
     sound = np.bincount(node, expected > 0, count) > 0
+    # Elements share mass along an axis at all nodes or none: where some rows have none, the others have added mass.
+    lumped = np.unique(component[(many == 0) & sound[node] & (component <= _TRANSLATIONS)])
     alien = np.flatnonzero((many >= _FEWEST) & (expected < many) & sound[node] & (component != SCALAR))
+    alien = alien[~np.isin(component[alien], lumped)]
     apart = alien[np.diff(fitting.indptr)[alien] < np.diff(by_any.indptr)[node[alien]]]
     if alien.size < _FEWEST:
         return alien[:0], apart
