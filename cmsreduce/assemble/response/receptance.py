@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as la
@@ -65,8 +66,11 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix, loaded: NDArray[
     if is_diagonal(sub):
         return ByModes(sub, L)
     load, rigid = _elastic_load(sub, L)
-    if sub.rigid.shape[1] == sub.m and not _damps_rigid_motion(sub):
+    damped = _damps_rigid_motion(sub)
+    if sub.rigid.shape[1] == sub.m and not damped:
         return RigidMotion(sub, rigid)
+    if damped and (sub.m < _SPARSE or is_gyroscopic(sub.D)):
+        sub, load = _beside_rigid_motion(sub, load)
     if sub.m < _SPARSE:
         return DenseSolves(sub, load, rigid)
     M, K = sp.csc_array(sub.M), sp.csc_array(sub.K)
@@ -79,7 +83,6 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix, loaded: NDArray[
         # The model over shapes is for symmetric matrices.
         if omega.size < FEWEST or not forces.shape[1] or is_gyroscopic(sub.D):
             return None
-        damped = _damps_rigid_motion(sub)
         try:
             return adaptive_flexibility(
                 Z, forces, omega, rigid=sub.rigid, damped_rigid=damped, rounding=sub.rounding, seen=seen
@@ -158,6 +161,25 @@ def _elastic_load(sub: Substructure, L: Real) -> tuple[Real, RigidShare]:
     momentum, at_points = np.asarray(sub.M @ sub.rigid), L @ sub.rigid
     motion = np.linalg.solve(sub.rigid.T @ momentum, at_points.T)
     return L.T - momentum @ motion, RigidShare(at_points, motion)
+
+
+def _beside_rigid_motion(sub: Substructure, load: Real) -> tuple[Substructure, Real]:
+    """A body with drag on its rigid motion, and loads (m, p), in amplitudes of this and motions beside it.
+
+    K is zero on rigid motion only to round-off, which at low frequency is not small beside w^2 M.
+    """
+    r, weight = sub.rigid.shape[1], np.sqrt(np.maximum(sub.M.diagonal(), 0.0))
+    # The motion of these coordinates is rigid motion alone.
+    held = la.qr((weight[:, None] * sub.rigid).T, mode="r", pivoting=True)[1][:r]
+    others = sp.csc_array(sp.eye_array(sub.m, format="csc"))[:, np.setdiff1d(np.arange(sub.m), held)]
+    T = sp.csc_array(sp.hstack([sp.csc_array(sub.rigid), others]))
+    elastic = sp.diags_array(np.where(np.arange(sub.m) < r, 0.0, 1.0))
+    M, K, D, loss = (
+        None if A is None else sp.csc_array(T.T @ sp.csc_array(A) @ T) for A in (sub.M, sub.K, sub.D, sub.loss)
+    )
+    K, loss = (None if A is None else sp.csc_array(elastic @ A @ elastic) for A in (K, loss))
+    assert M is not None and K is not None
+    return replace(sub, M=M, K=K, D=D, loss=loss, rigid=np.eye(sub.m, r), omega=None), np.asarray(T.T @ load)
 
 
 def _damps_rigid_motion(sub: Substructure) -> bool:

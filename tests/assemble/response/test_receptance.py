@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.assemble import PointStack, couple, receptance, receptances, tabulated, wire
+from cmsreduce.assemble import PointStack, couple, physical_substructure, receptance, receptances, tabulated, wire
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.response import DynamicStiffness, adaptive_flexibility
-from cmsreduce.model import Damping, Scene
+from cmsreduce.model import Damping, Scene, cross_matrix, rigid_body_shapes
 from tests.assemble.rigs import at, physical
-from tests.frames import line
+from tests.frames import Section, line
 from tests.solids import block, face
 
 OMEGA = 2 * np.pi * np.geomspace(0.1, 300.0, 80)
@@ -197,3 +197,22 @@ def test_a_table_answers_as_its_source():
     table = tabulated(of_body, OMEGA, 6)
     np.testing.assert_array_equal(table(OMEGA[20:30]), of_body(OMEGA)[20:30])
     assert tabulated(of_body, OMEGA, 10**5) is of_body
+
+
+@pytest.mark.parametrize("bars", [4, 40])
+def test_a_body_with_a_wheel_keeps_its_digits_at_low_frequencies(bars: int) -> None:
+    """It moves as one piece, R (i w R^T G R - w^2)^-1 R^T: K cancels on rigid motion to 1e-16 of 1e15 alone."""
+    body = line("boom", [0, 0, 0], [1.5, 0.4, 0.2], bars, section=Section(E=7e15, G=3e15))
+    assert body.nodes is not None
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    R = np.linalg.solve(np.linalg.cholesky(R.T @ (body.M @ R)), R.T).T
+    wheel = sp.lil_array((body.n, body.n))
+    wheel[9:12, 9:12] = -cross_matrix(np.array([0.3, -0.1, 0.2]))
+    D = sp.csc_array(wheel)
+    sub = replace(physical_substructure(body, ["1", str(bars + 1)], R), D=D)
+    omega = 2 * np.pi * np.array([1e-3, 0.01, 0.1])
+    L = np.vstack([sub.motion["1"].toarray(), sub.motion[str(bars + 1)].toarray()])
+    found = receptance(sub, omega, L)(omega)
+    for w, Y in zip(omega, found, strict=True):
+        expected = (L @ R) @ np.linalg.solve(1j * w * (R.T @ (D @ R)) - w**2 * np.eye(6), (L @ R).T)
+        assert abs(Y - expected).max() < 1e-8 * abs(expected).max()
