@@ -69,7 +69,7 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix, loaded: NDArray[
     damped = _damps_rigid_motion(sub)
     if sub.rigid.shape[1] == sub.m and not damped:
         return RigidMotion(sub, rigid)
-    if damped and (sub.m < _SPARSE or is_gyroscopic(sub.D)):
+    if damped and is_gyroscopic(sub.D):
         sub, load = _beside_rigid_motion(sub, load)
     if sub.m < _SPARSE:
         return DenseSolves(sub, load, rigid)
@@ -164,7 +164,7 @@ def _elastic_load(sub: Substructure, L: Real) -> tuple[Real, RigidShare]:
 
 
 def _beside_rigid_motion(sub: Substructure, load: Real) -> tuple[Substructure, Real]:
-    """A body with drag on its rigid motion, and loads (m, p), in amplitudes of this and motions beside it.
+    """A body with wheels, and loads (m, p), in amplitudes of rigid motion and motions beside it.
 
     K is zero on rigid motion only to round-off, which at low frequency is not small beside w^2 M.
     """
