@@ -26,6 +26,7 @@ from cmsreduce.linalg.blocks.products import (
     one_norm,
     rows_of,
     symmetric_product,
+    unchanged_in,
 )
 from cmsreduce.linalg.blocks.singular_vectors import svd
 from cmsreduce.linalg.blocks.tall_blocks import (
@@ -72,4 +73,5 @@ __all__ = [
     "svd",
     "symmetric_product",
     "times",
+    "unchanged_in",
 ]

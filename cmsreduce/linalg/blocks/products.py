@@ -28,6 +28,7 @@ __all__ = [
     "one_norm",
     "rows_of",
     "symmetric_product",
+    "unchanged_in",
 ]
 
 Array = NDArray[np.float64]
@@ -217,3 +218,31 @@ def one_norm(A: sp.csc_array) -> float:
             sizes = abs(A.data[starts[0] : starts[-1]])
             sums.append(float(np.add.reduceat(sizes, filled - starts[0]).max()))
     return max(sums)
+
+
+def unchanged_in(A: sp.csc_array, rows: NDArray[np.int64], others: NDArray[np.int64], least: float) -> bool:
+    """True if a symmetric matrix is the same with some rows and columns in the place of others.
+
+    A product with random numbers tells, without a copy of the matrix.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+        Symmetric.
+    rows, others : (k,) int64
+        The same rows in two orders.
+    least : float
+        Difference of an entry, relative to sqrt(A_ii A_jj), which is none.
+    """
+    n, columns, order = A.shape[0], sp.csc_array(A), np.arange(A.shape[0])
+    order[rows] = others
+    own = np.sqrt(abs(columns.diagonal()))
+    size = np.maximum(own, own[order])
+    z = np.random.default_rng(1).uniform(1.0, 2.0, n) / np.where(size > 0, size, 1.0)
+    moved = np.empty(n)
+    moved[order] = z
+
+    def product(at: NDArray[np.int64], x: Array) -> Array:
+        return np.asarray((columns.T @ x)[at] if at.size == n else columns[:, at].T @ x)
+
+    return bool((abs(product(others, moved) - product(rows, z)) <= least * size[rows]).all())

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from cmsreduce.linalg.blocks import unchanged_in
 from cmsreduce.model import FEModel, Nodes
 from cmsreduce.read.row_order.held_body import beside_supports
 from cmsreduce.read.row_order.mass_order import COUPLED, DIGITS
@@ -72,17 +73,8 @@ def prove_chains(body: FEModel, nodes: Nodes, kind: Indices) -> HiddenRows:
 
 def _same(body: FEModel, rows: Indices, others: Indices) -> bool:
     """True if rows in each other's place leave both matrices as they are."""
-    order = np.arange(body.n)
-    order[rows] = others
     least = max(_SAME, _ROUNDINGS * body.rounding)
-    for A in (body.K, body.M):
-        own = np.sqrt(abs(A.diagonal()))
-        off = sp.coo_array(abs(A[order][:, order] - A))
-        if (
-            off.data > least * np.maximum(own[off.row] * own[off.col], own[order][off.row] * own[order][off.col])
-        ).any():
-            return False
-    return True
+    return all(unchanged_in(A, rows, others, least) for A in (body.K, body.M))
 
 
 def _supports(body: FEModel, nodes: Nodes, components: ArrayLike) -> Indices:
@@ -121,7 +113,9 @@ def prove_image(body: FEModel, nodes: Nodes) -> HiddenRows:
     if away.max() > _ONE_PLACE * float(abs(x).max()):
         return NONE_HIDDEN
     others = body.dofs.rows(ids[to][of], body.dofs.component)
-    if (others < 0).any() or _same(body, np.arange(body.n), others):
+    every = np.arange(body.n)
+    # Two nodes at one place have no images of their own.
+    if not np.array_equal(np.sort(others), every) or _same(body, every, others):
         return NONE_HIDDEN
     force, supports = abs(body.K @ body.rigid_shapes[:, :3]).max(axis=1), _supports(body, nodes, (1, 2, 3))
     loud = np.unique(of[force > max(_SAME, _ROUNDINGS * body.rounding) * body.K.diagonal()])
