@@ -41,6 +41,7 @@ from cmsreduce.read.row_order import (
     MassOrder,
     RowOrderProof,
     damping_order_doubt,
+    mirror_image,
     prove_mass_order,
     prove_row_order,
     quiet_share,
@@ -62,6 +63,7 @@ from cmsreduce.read.stated import (
 from cmsreduce.read.superelement import SuperelementMatrices, superelement_damping, superelement_matrices
 
 __all__ = [
+    "mirror_image",
     "BulkDeck",
     "FORMATS",
     "FileKind",

@@ -15,6 +15,7 @@ from cmsreduce.linalg.blocks import unchanged_in
 from cmsreduce.model import FEModel, Finding, cross_matrix, each_once
 from cmsreduce.pipeline.evidence.mass_against_deck import away_from_supports
 from cmsreduce.pipeline.evidence.nodal_mass import moments_toward_neighbours
+from cmsreduce.read import mirror_image
 from cmsreduce.verify import REALISABLE, free_mass, inertia_excess
 
 __all__ = ["one_mass", "order_that_shows"]
@@ -26,8 +27,6 @@ _EXCESS = "inertia: beyond what mass can have"
 _SAME = 1e-6
 # Roundings of the file that add up over a node.
 _ROUNDINGS = 1e3
-# Distance of nodes at one place, relative to the size of the body.
-_ONE_PLACE = 1e-5
 # Rows that are looked at first.
 _FEW_ROWS = 200
 
@@ -123,25 +122,18 @@ def _mirrored(body: FEModel) -> bool:
     Mirrors are across basic axes through the middle of the nodes, and their products; or the list of nodes is reversed.
     """
     assert body.nodes is not None
-    # Imported here: it loads libraries that few bodies need.
-    from scipy.spatial import cKDTree
-
     rows = np.flatnonzero(body.dofs.component > 0)
     ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
     xyz = body.nodes.xyz[body.nodes.index(ids)]
-    x = xyz - (xyz.min(axis=0) + xyz.max(axis=0)) / 2
-    size = float(abs(x).max()) or 1.0
-    tree, images = cKDTree(x), [np.arange(ids.size)[::-1]]
+    images = [np.arange(ids.size)[::-1]]
     for signs in list(product((1.0, -1.0), repeat=3))[1:]:
-        away, to = (np.asarray(found) for found in tree.query(x * signs))
-        if away.max() <= _ONE_PLACE * size:
-            images.append(to)
+        to = mirror_image(xyz, np.array(signs))
+        images += [] if to is None else [to]
     every, least = np.arange(body.n), max(_SAME, _ROUNDINGS * body.rounding)
     for to in images:
         order = every.copy()
         order[rows] = body.dofs.rows(ids[to][of], body.dofs.component[rows])
-        # Two nodes at one place have no images of their own.
-        if not np.array_equal(np.sort(order), every) or np.array_equal(order, every):
+        if (order < 0).any() or np.array_equal(order, every):
             continue
         if unchanged_in(body.M, every, order, least) or not _couples_the_same(body, order):
             continue

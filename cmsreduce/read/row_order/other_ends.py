@@ -12,7 +12,7 @@ from cmsreduce.read.row_order.held_body import beside_supports
 from cmsreduce.read.row_order.mass_order import COUPLED, DIGITS
 from cmsreduce.read.row_order.row_order_proof import NONE_HIDDEN, HiddenRows, hidden_rows
 
-__all__ = ["prove_chains", "prove_image"]
+__all__ = ["mirror_image", "prove_chains", "prove_image"]
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -101,21 +101,14 @@ def _ends_at_supports(body: FEModel, nodes: Nodes, chain: Indices) -> bool:
 
 def prove_image(body: FEModel, nodes: Nodes) -> HiddenRows:
     """Look whether nodes in the place of their images about their middle make another body, as those of solids may."""
-    # Imported here: it loads libraries that other proofs do not need.
-    from scipy.spatial import cKDTree
-
     if ((body.dofs.component < 1) | (body.dofs.component > 3)).any():
         return NONE_HIDDEN
     ids, of = np.unique(body.dofs.node, return_inverse=True)
-    xyz = nodes.xyz[nodes.index(ids)]
-    x = xyz - (xyz.min(axis=0) + xyz.max(axis=0)) / 2
-    away, to = (np.asarray(found) for found in cKDTree(x).query(-x))
-    if away.max() > _ONE_PLACE * float(abs(x).max()):
+    if (to := mirror_image(nodes.xyz[nodes.index(ids)], -np.ones(3))) is None:
         return NONE_HIDDEN
     others = body.dofs.rows(ids[to][of], body.dofs.component)
     every = np.arange(body.n)
-    # Two nodes at one place have no images of their own.
-    if not np.array_equal(np.sort(others), every) or _same(body, every, others):
+    if (others < 0).any() or _same(body, every, others):
         return NONE_HIDDEN
     force, supports = abs(body.K @ body.rigid_shapes[:, :3]).max(axis=1), _supports(body, nodes, (1, 2, 3))
     loud = np.unique(of[force > max(_SAME, _ROUNDINGS * body.rounding) * body.K.diagonal()])
@@ -123,3 +116,26 @@ def prove_image(body: FEModel, nodes: Nodes) -> HiddenRows:
         # The images of nodes beside supports are not.
         return NONE_HIDDEN
     return HiddenRows(total=body.n, remark=_IMAGE, mirrored=True)
+
+
+def mirror_image(xyz: NDArray[np.float64], signs: NDArray[np.float64]) -> Indices | None:
+    """Number (N,) of the node at the image of each, by signs (3,) of coordinates about the middle; None without one.
+
+    Examples
+    --------
+    >>> mirror_image(np.array([[0, 0, 0], [1.0, 0, 0], [0, 2, 0], [1, 2, 0]]), np.array([-1.0, 1, 1])).tolist()
+    [1, 0, 3, 2]
+    """
+    x = xyz - (xyz.min(axis=0) + xyz.max(axis=0)) / 2
+    both, same = np.vstack([x, x * signs]), _ONE_PLACE * float(abs(x).max())
+    key = np.zeros(len(both), dtype=np.int64)
+    for axis in range(3):
+        order = np.argsort(both[:, axis], kind="stable")
+        place = np.empty_like(key)
+        place[order] = np.cumsum(np.diff(both[order, axis], prepend=both[order[0], axis]) > same)
+        # Numbers that are in use alone, so that they stay small.
+        key = np.unique(key * len(both) + place, return_inverse=True)[1]
+    at = np.full(int(key.max()) + 1, -1)
+    at[key[: len(x)]] = np.arange(len(x))
+    to = at[key[len(x) :]]
+    return None if (to < 0).any() or np.unique(to).size < len(x) else np.asarray(to)
