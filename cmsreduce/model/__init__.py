@@ -80,7 +80,7 @@ from cmsreduce.model.rounding import (
 )
 from cmsreduce.model.scene import Channel, Configuration, JointTerm, Placement, PointTerm, Scene, StrutTerm
 from cmsreduce.model.substructure import InterfaceLoading, Matrix, OutboardMass, Substructure
-from cmsreduce.model.system import Controller, ModalChannels, System, is_gyroscopic
+from cmsreduce.model.system import Controller, ModalChannels, System, damping_parts, is_gyroscopic
 from cmsreduce.model.unit_conversion import (
     damping_in_units,
     in_units,
@@ -171,6 +171,7 @@ __all__ = [
     "check_dataset",
     "cross_matrix",
     "damping_in_units",
+    "damping_parts",
     "dof_index",
     "each_once",
     "entry_errors",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +19,7 @@ __all__ = [
     "Controller",
     "ModalChannels",
     "System",
+    "damping_parts",
     "is_gyroscopic",
 ]
 
@@ -100,6 +102,14 @@ def is_gyroscopic(D: Matrix | None) -> bool:
         return False
     entries, skew = (np.asarray(A.data if isinstance(A, sp.sparray) else A) for A in (D, D - D.T))
     return float(abs(skew).max(initial=0.0)) > _SKEW * float(abs(entries).max(initial=0.0))
+
+
+def damping_parts(D: Matrix) -> tuple[Matrix, ...]:
+    """A damping matrix alone, or its symmetric and its skew part if it has one: each has rounding of its own size."""
+    if not is_gyroscopic(D):
+        return (D,)
+    parts: tuple[Any, ...] = (D + D.T) / 2, (D - D.T) / 2
+    return tuple(part if isinstance(part, np.ndarray) else sp.csc_array(part) for part in parts)
 
 
 @dataclass(frozen=True, eq=False)

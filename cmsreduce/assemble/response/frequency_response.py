@@ -19,7 +19,7 @@ from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residua
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.linalg.blocks import dense, svd
 from cmsreduce.linalg.response import frequency_blocks
-from cmsreduce.model import Configuration, Scene, Substructure, System
+from cmsreduce.model import Configuration, Matrix, Scene, Substructure, System, damping_parts
 
 __all__ = ["body_receptances", "couple", "frequency_response", "rigid_response"]
 
@@ -231,9 +231,13 @@ def _drag(system: System) -> Array:
     Pr = system.rigid
     if system.D is None or not Pr.shape[1]:
         return np.zeros((0, 0))
-    forces = np.asarray(system.D @ Pr)
+    return np.asarray(sum(_acting(part, Pr) for part in damping_parts(system.D)))
+
+
+def _acting(D: Matrix, Pr: Array) -> Array:
+    forces = np.asarray(D @ Pr)
     _, _, directions = svd(forces, full_matrices=False)
-    largest = abs(system.D.data if sp.issparse(system.D) else system.D).max(initial=0.0)
+    largest = abs(D.data if sp.issparse(D) else D).max(initial=0.0)
     size = float(largest) * abs(Pr @ directions.T).max(axis=0)
     damped = directions[abs(forces @ directions.T).max(axis=0) > DAMPED_RIGID * size].T
     own = damped @ damped.T

@@ -18,7 +18,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import DynamicStiffness, FlexibilityModel, adaptive_flexibility
 from cmsreduce.linalg.sparse import InsufficientMemoryError
-from cmsreduce.model import Matrix, Substructure, is_gyroscopic
+from cmsreduce.model import Matrix, Substructure, damping_parts, is_gyroscopic
 
 __all__ = ["DAMPED_RIGID", "Receptance", "add_flexibility", "receptance", "receptances", "tabulated"]
 
@@ -166,7 +166,8 @@ def _elastic_load(sub: Substructure, L: Real) -> tuple[Real, RigidShare]:
 def _beside_rigid_motion(sub: Substructure, load: Real) -> tuple[Substructure, Real]:
     """A body with wheels, and loads (m, p), in amplitudes of rigid motion and motions beside it.
 
-    K is zero on rigid motion only to round-off, which at low frequency is not small beside w^2 M.
+    K, and damping that leaves rigid motion alone, are zero on it only to round-off, which at low frequency is not small
+    beside w^2 M.
     """
     r, weight = sub.rigid.shape[1], np.sqrt(np.maximum(sub.M.diagonal(), 0.0))
     # The motion of these coordinates is rigid motion alone.
@@ -174,18 +175,28 @@ def _beside_rigid_motion(sub: Substructure, load: Real) -> tuple[Substructure, R
     others = sp.csc_array(sp.eye_array(sub.m, format="csc"))[:, np.setdiff1d(np.arange(sub.m), held)]
     T = sp.csc_array(sp.hstack([sp.csc_array(sub.rigid), others]))
     elastic = sp.diags_array(np.where(np.arange(sub.m) < r, 0.0, 1.0))
-    M, K, D, loss = (
-        None if A is None else sp.csc_array(T.T @ sp.csc_array(A) @ T) for A in (sub.M, sub.K, sub.D, sub.loss)
+    assert sub.D is not None
+    still, turning = damping_parts(sub.D)
+    M, G, K, loss, D = (
+        None if A is None else sp.csc_array(T.T @ sp.csc_array(A) @ T) for A in (sub.M, turning, sub.K, sub.loss, still)
     )
     K, loss = (None if A is None else sp.csc_array(elastic @ A @ elastic) for A in (K, loss))
-    assert M is not None and K is not None
+    assert M is not None and K is not None and D is not None and G is not None
+    D = G + (D if _acts_on(still, sub.rigid) else sp.csc_array(elastic @ D @ elastic))
     return replace(sub, M=M, K=K, D=D, loss=loss, rigid=np.eye(sub.m, r), omega=None), np.asarray(T.T @ load)
 
 
 def _damps_rigid_motion(sub: Substructure) -> bool:
-    """Tell if a damping matrix of the user acts on rigid motion, which is then not separate from elastic motion."""
+    """Tell if damping or a wheel acts on rigid motion, which is then not separate from elastic motion.
+
+    A wheel may be small beside the damping of stiff elements, and rules rigid motion at low frequency all the same.
+    """
     # A held body may have no coordinate at all.
     if sub.D is None or not sub.rigid.size:
         return False
-    size = spla.norm(sp.csc_array(sub.D), 1) * abs(sub.rigid).max(initial=0.0)
-    return bool(abs(sub.D @ sub.rigid).max(initial=0.0) > DAMPED_RIGID * size)
+    return any(_acts_on(part, sub.rigid) for part in damping_parts(sub.D))
+
+
+def _acts_on(D: Matrix, rigid: Real) -> bool:
+    size = spla.norm(sp.csc_array(D), 1) * abs(rigid).max(initial=0.0)
+    return bool(abs(D @ rigid).max(initial=0.0) > DAMPED_RIGID * size)

@@ -6,10 +6,19 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.assemble import PointStack, couple, physical_substructure, receptance, receptances, tabulated, wire
+from cmsreduce.assemble import (
+    PointStack,
+    couple,
+    physical_substructure,
+    receptance,
+    receptances,
+    rigid_response,
+    tabulated,
+    wire,
+)
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.response import DynamicStiffness, adaptive_flexibility
-from cmsreduce.model import Damping, Scene, cross_matrix, rigid_body_shapes
+from cmsreduce.model import Damping, Scene, System, cross_matrix, rigid_body_shapes
 from tests.assemble.rigs import at, physical
 from tests.frames import Section, line
 from tests.solids import block, face
@@ -216,3 +225,31 @@ def test_a_body_with_a_wheel_keeps_its_digits_at_low_frequencies(bars: int) -> N
     for w, Y in zip(omega, found, strict=True):
         expected = (L @ R) @ np.linalg.solve(1j * w * (R.T @ (D @ R)) - w**2 * np.eye(6), (L @ R).T)
         assert abs(Y - expected).max() < 1e-8 * abs(expected).max()
+
+
+@pytest.mark.parametrize("bars", [4, 40])
+@pytest.mark.parametrize("alpha", [0.0, 0.5])
+def test_a_small_wheel_on_a_stiff_damped_body_acts_on_its_rigid_motion(bars: int, alpha: float) -> None:
+    """Steel with beta K of up to 1e7 N*s/m beside 0.02 N*m*s: the wheel is no rounding of the damping."""
+    steel = Section(E=2.1e11, G=8e10, A=1e-2, Iy=1e-5, Iz=2e-5, J=3e-5, rho=7850.0)
+    damping = Damping(rayleigh=(alpha, 1e-2 if bars == 4 else 1e-4))
+    body = line("boom", [0, 0, 0], [1.5, 0.4, 0.2], bars, section=steel, damping=damping)
+    assert body.nodes is not None
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    R = np.linalg.solve(np.linalg.cholesky(R.T @ (body.M @ R)), R.T).T
+    wheel = sp.lil_array((body.n, body.n))
+    wheel[9:12, 9:12] = -cross_matrix(np.array([0.012, -0.004, 0.016]))
+    G = sp.csc_array(wheel)
+    sub = physical_substructure(body, ["1", str(bars + 1)], R)
+    sub = replace(sub, D=sp.csc_array(sub.D + G))
+    omega = 2 * np.pi * np.array([1e-5, 1e-4, 1e-3])
+    L = np.vstack([sub.motion["1"].toarray(), sub.motion[str(bars + 1)].toarray()])
+    found = receptance(sub, omega, L)(omega)
+    one, channels = Scene(("boom",), (0.0, 1.0)).configurations[0], tuple(map(str, range(len(L))))
+    T = np.eye(sub.m)
+    system = System(one, T, sub.M, sub.K, sub.D, None, L.T, L, 0 * L, R, {"boom": sub.m}, channels, channels)
+    rigid = rigid_response(system, omega)
+    for w, Y, of_rigid in zip(omega, found, rigid, strict=True):
+        expected = (L @ R) @ np.linalg.solve(1j * w * (R.T @ (G @ R)) - w**2 * np.eye(6), (L @ R).T)
+        assert abs(Y - expected).max() < 1e-7 * abs(expected).max()
+        assert abs(of_rigid - expected).max() < 1e-8 * abs(expected).max()
