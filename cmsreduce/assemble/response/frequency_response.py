@@ -217,8 +217,10 @@ def rigid_response(system: System, omega: Array, *, nutation: bool = True) -> Co
         return np.asarray(gain @ np.linalg.solve(1j * w * drag - w**2 * np.eye(drag.shape[0]), load[None] + 0j))
     roots, V = np.linalg.eig(drag)
     s, size = 1j * omega[:, None], abs(roots)
-    damped = (s**2 + 2 * roots.real * s + size**2) / (s + size) ** 2
-    weight = np.where(abs(roots.imag) > _TURNS * size.max(), damped, 1.0) / (s * (s + roots))
+    turns = abs(roots.imag) > _TURNS * size.max()
+    # Over a pair of roots, (s + r*) / (s + |r|)^2 in place of 1 / (s + r), which is infinite at a nutation.
+    slow = np.where(turns, size, roots)
+    weight = np.where(turns, (s + roots.conj()) / (s + slow), 1.0) / (s * (s + slow))
     return np.asarray((gain @ V * weight[:, None]) @ np.linalg.solve(V, load + 0j))
 
 

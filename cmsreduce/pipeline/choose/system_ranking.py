@@ -137,9 +137,8 @@ def _scales(model: AssembledModel) -> list[tuple[NDArray[np.float64], NDArray[np
     """Scales of the outputs and of the inputs by the model's own response in the band, in every configuration."""
     scene = model.scene
     grids = [frequency_grid(scene.band, _POINTS, *peaks(model, each)) for each in scene.configurations]
-    return [
-        channel_scales(scene.actuators, scene.sensors, H - model.rigid_response(configuration, omega), H, omega)
-        for configuration, omega, H in zip(
-            scene.configurations, grids, model.responses(scene.configurations, grids), strict=True
-        )
-    ]
+    found = []
+    for each, omega, H in zip(scene.configurations, grids, model.responses(scene.configurations, grids), strict=True):
+        elastic = H - model.rigid_response(each, omega, model.calm(each, omega, H))
+        found.append(channel_scales(scene.actuators, scene.sensors, elastic, H, omega))
+    return found

@@ -253,3 +253,12 @@ def test_a_small_wheel_on_a_stiff_damped_body_acts_on_its_rigid_motion(bars: int
         expected = (L @ R) @ np.linalg.solve(1j * w * (R.T @ (G @ R)) - w**2 * np.eye(6), (L @ R).T)
         assert abs(Y - expected).max() < 1e-7 * abs(expected).max()
         assert abs(of_rigid - expected).max() < 1e-8 * abs(expected).max()
+
+
+def test_a_rigid_part_without_nutation_is_finite_at_the_nutation():
+    """Transverse inertia 1 and momentum 1: a torque turns the body by (s + r*) / (s (s + 1)^2), r = +-i, at s = i."""
+    one, axes = Scene(("top",), (0.0, 1.0)).configurations[0], ("rx", "ry")
+    unit, G = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
+    top = System(one, unit, unit, 0 * unit, G, None, unit, unit, 0 * unit, unit, {"top": 2}, axes, axes)
+    (found,) = rigid_response(top, np.array([1.0]), nutation=False)
+    np.testing.assert_allclose(found, (1j * unit - G) / (1j * (1j + 1) ** 2), rtol=1e-12, atol=1e-12)

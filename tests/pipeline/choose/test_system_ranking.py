@@ -13,6 +13,7 @@ from cmsreduce.assemble import elastic_states
 from cmsreduce.errors import ConfigError, DampingError
 from cmsreduce.model import Configuration
 from cmsreduce.pipeline import Run
+from cmsreduce.pipeline.choose import system_ranking
 from cmsreduce.pipeline.choose.system_ranking import with_system_cost
 from cmsreduce.pipeline.system import closed_loop
 from cmsreduce.project import system_cost
@@ -172,3 +173,28 @@ def test_a_loop_without_its_parts_is_refused(opened: Callable[..., Run], study: 
         controlled(opened, study, -2.0, "balance={rank: closed-loop, keep: all, sensitivity: true}")
     with pytest.raises(DampingError, match=r"a root at .* that does not decay"):
         _ = controlled(opened, study, 2.0, "balance={rank: closed-loop, keep: all}").ranked
+
+
+def test_the_nutation_of_rigid_bodies_gives_no_scale(opened: Callable[..., Run]) -> None:
+    """At a point of the grid it made the sensors' scales a million times too small; flexible bodies nutate below it."""
+
+    def wheeled(momentum: float) -> Run:
+        return opened(
+            "scene.joints.hinge.free=[]",
+            "scene.articulation=null",
+            "scene.actuators={pitch: {at: hub.cg, torque: [0, 1, 1]}}",
+            "scene.sensors={gyro: {at: hub.cg, measure: [ry, rz], rate: true}, probe: {at: panel.6, measure: z}}",
+            f"components.hub.wheels={{roll: {{axis: x, momentum: {momentum!r} N*m*s}}}}",
+        )
+
+    def scales(momentum: float) -> np.ndarray:
+        run = wheeled(momentum)
+        return system_ranking._scales(run.joined(run.ranked).assembled)[0][0]
+
+    model = (run := wheeled(30.0)).joined(run.ranked).assembled
+    one = run.scene.configurations[0]
+    rigid = model.system(one)
+    nutation = abs(la.eigvals(rigid.rigid.T @ rigid.D @ rigid.rigid)).max()
+    grid = system_ranking.frequency_grid(run.scene.band, system_ranking._POINTS, *system_ranking.peaks(model, one))
+    at = 30.0 * grid[abs(grid - nutation).argmin()] / nutation
+    np.testing.assert_allclose(scales(at), scales(1.003 * at), rtol=0.02)
