@@ -101,26 +101,26 @@ def check_connected(body: FEModel, proven: NDArray[np.float64] | None = None) ->
         )
     if count > 1:
         sizes = np.bincount(part)
-        order = np.argsort(-sizes)
+        order = np.argsort(-sizes, kind="stable")
         alone, why = rows_alone(body)
         if why and np.isin(np.flatnonzero(part != order[0]), alone).all():
             raise MatrixError(
                 f"body '{body.name}' is not one piece: {why}. Make a mass that is meant a component of its own"
             )
-        rows = np.split(np.argsort(part, kind="stable"), np.cumsum(sizes)[:-1])
-        held = np.array([count <= _MOST_PARTS and _is_held(body, np.sort(rows[p])) for p in order])
+        cuts = np.split(np.argsort(part, kind="stable"), np.cumsum(sizes)[:-1])
+        rows = [cuts[p] for p in order]
+        held = np.array([count <= _MOST_PARTS and _is_held(body, each) for each in rows])
         # Where the ground holds some of the parts, the others are at fault.
-        around = [
-            f"{len(np.unique(body.dofs.node[part == p]))} nodes around node {body.dofs.node[part == p][0]}"
-            for p in (order if held.all() else order[~held])
-        ]
-        named = f"{'; '.join(around[:_NAMED_PARTS])}{' ...' if len(around) > _NAMED_PARTS else ''}"
+        fault = np.flatnonzero(held.all() | ~held)
+        members = [body.dofs.node[rows[p]] for p in fault[:_NAMED_PARTS]]
+        around = "; ".join(f"{len(np.unique(each))} nodes around node {each[0]}" for each in members)
+        named = f"{around}{' ...' if len(fault) > _NAMED_PARTS else ''}"
         if held.all():
             return (
                 f"{body.name}: the ground holds {count} parts of it one by one, which share neither stiffness nor mass "
                 f"({named}). This is sound where they meet at a support that has no rows; else elements are missing"
             )
-        free = f"; the ground does not hold {len(around)} of them" if held.any() else ""
+        free = f"; the ground does not hold {len(fault)} of them" if held.any() else ""
         raise MatrixError(
             f"body '{body.name}' is not one piece: {count} parts share neither stiffness nor mass{free} ({named}). "
             "Look for missing elements or unmerged nodes, or make each part a component of its own"

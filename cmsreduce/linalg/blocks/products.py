@@ -220,8 +220,8 @@ def one_norm(A: sp.csc_array) -> float:
     return max(sums)
 
 
-def unchanged_in(A: sp.csc_array, rows: NDArray[np.int64], others: NDArray[np.int64], least: float) -> bool:
-    """True if a symmetric matrix is the same with some rows and columns in the place of others.
+def unchanged_in(A: sp.csc_array, order: NDArray[np.int64], least: float) -> bool:
+    """True if a symmetric matrix is the same with its rows and columns in another order.
 
     A product with random numbers tells, without a copy of the matrix.
 
@@ -229,20 +229,15 @@ def unchanged_in(A: sp.csc_array, rows: NDArray[np.int64], others: NDArray[np.in
     ----------
     A : (n, n) sparse array
         Symmetric.
-    rows, others : (k,) int64
-        The same rows in two orders.
+    order : (n,) int64
+        Numbers of its rows in the other order.
     least : float
         Difference of an entry, relative to sqrt(A_ii A_jj), which is none.
     """
-    n, columns, order = A.shape[0], sp.csc_array(A), np.arange(A.shape[0])
-    order[rows] = others
+    columns = sp.csc_array(A)
     own = np.sqrt(abs(columns.diagonal()))
     size = np.maximum(own, own[order])
-    z = np.random.default_rng(1).uniform(1.0, 2.0, n) / np.where(size > 0, size, 1.0)
-    moved = np.empty(n)
+    z = np.random.default_rng(1).uniform(1.0, 2.0, own.size) / np.where(size > 0, size, 1.0)
+    moved = np.empty(own.size)
     moved[order] = z
-
-    def product(at: NDArray[np.int64], x: Array) -> Array:
-        return np.asarray((columns.T @ x)[at] if at.size == n else columns[:, at].T @ x)
-
-    return bool((abs(product(others, moved) - product(rows, z)) <= least * size[rows]).all())
+    return bool((abs((columns.T @ moved)[order] - columns.T @ z) <= least * size).all())

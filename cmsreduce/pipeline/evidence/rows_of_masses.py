@@ -135,7 +135,7 @@ def _mirrored(body: FEModel) -> bool:
         order[rows] = body.dofs.rows(ids[to][of], body.dofs.component[rows])
         if (order < 0).any() or np.array_equal(order, every):
             continue
-        if unchanged_in(body.M, every, order, least) or not _couples_the_same(body, order):
+        if unchanged_in(body.M, order, least) or not _couples_the_same(body, order):
             continue
         # Moments of mass along the elements are turned round in the mirror.
         toward = moments_toward_neighbours(body, sp.csc_array(body.M[order][:, order]))

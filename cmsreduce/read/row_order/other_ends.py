@@ -45,12 +45,27 @@ def prove_chains(body: FEModel, nodes: Nodes, kind: Indices) -> HiddenRows:
     kind : (n,) int64
         Number that rows share which every rigid motion moves the same; -1 for others.
     """
+    rows, chain = _chains(body, kind)
+    if not rows.size:
+        return NONE_HIDDEN
+    least, first = max(_SAME, _ROUNDINGS * body.rounding), np.searchsorted(chain, chain)
+    # Position of the row in whose place each one is in reverse.
+    back = first + np.searchsorted(chain, chain, side="right") - 1 - np.arange(rows.size)
+    differ = np.logical_or(*(_changed(A, rows, chain, back, least) for A in (body.K, body.M)))
+    kept = np.isin(chain, np.flatnonzero(differ & ~_end_at_supports(body, nodes, rows, chain, back, least)))
+    hidden = np.sort(rows[kept])
+    return hidden_rows(body, hidden, _CHAIN, turning=bool((body.dofs.component[hidden] > 3).any()))
+
+
+def _chains(body: FEModel, kind: Indices) -> tuple[Indices, Indices]:
+    """Rows (k,) of all chains, from end to end, one chain after the other, and the number of the chain of each."""
     # Imported here: it loads libraries that other proofs do not need.
     from scipy.sparse.csgraph import breadth_first_order, connected_components
 
     own, K = np.sqrt(abs(body.K.diagonal())), sp.coo_array(body.K)
     firm = (K.row != K.col) & (abs(K.data) > max(COUPLED, DIGITS * body.rounding) * own[K.row] * own[K.col])
-    graph = sp.csr_array((np.ones(firm.sum(), np.int32), (K.row[firm], K.col[firm])), shape=K.shape)
+    links = np.stack([K.row[firm], K.col[firm]])
+    graph = sp.csr_array((np.ones(links.shape[1], np.int32), tuple(links)), shape=K.shape)
     degree = np.diff(graph.indptr)
     count, part = connected_components(graph, directed=False)
     size = np.bincount(part)
@@ -58,23 +73,39 @@ def prove_chains(body: FEModel, nodes: Nodes, kind: Indices) -> HiddenRows:
     np.minimum.at(low, part, kind)
     np.maximum.at(high, part, kind)
     np.maximum.at(most, part, degree)
-    ends = np.bincount(part, degree == 1, count)
-    hidden = []
-    for number in np.flatnonzero((size >= _FEWEST) & (low == high) & (low >= 0) & (most == 2) & (ends == 2)):
-        start = np.flatnonzero((part == number) & (degree == 1))[0]
-        chain = np.asarray(breadth_first_order(graph, start, directed=False)[0], dtype=np.int64)
-        if not _same(body, chain, chain[::-1]) and not _ends_at_supports(body, nodes, chain):
-            hidden.append(chain)
-    if not hidden:
-        return NONE_HIDDEN
-    rows = np.sort(np.concatenate(hidden)).astype(np.int64)
-    return hidden_rows(body, rows, _CHAIN, turning=bool((body.dofs.component[rows] > 3).any()))
+    two = np.bincount(part, degree == 1, count) == 2
+    found = (size >= _FEWEST) & (low == high) & (low >= 0) & (most == 2) & two
+    ends = np.flatnonzero(found[part] & (degree == 1))
+    if not ends.size:
+        return ends, ends
+    ends = ends[np.argsort(part[ends], kind="stable")]
+    # The end of each is joined to the start of the next: one walk passes through all.
+    links = np.hstack([links, np.stack([ends[1:-1:2], ends[2::2]])])
+    graph = sp.csr_array((np.ones(links.shape[1], np.int32), tuple(links)), shape=K.shape)
+    rows = breadth_first_order(graph, ends[0], directed=False, return_predecessors=False).astype(np.int64)
+    return rows, np.asarray(np.unique(part[rows], return_inverse=True)[1], dtype=np.int64)
 
 
-def _same(body: FEModel, rows: Indices, others: Indices) -> bool:
-    """True if rows in each other's place leave both matrices as they are."""
-    least = max(_SAME, _ROUNDINGS * body.rounding)
-    return all(unchanged_in(A, rows, others, least) for A in (body.K, body.M))
+def _inside(A: sp.csc_array, rows: Indices, chain: Indices) -> tuple[sp.csc_array, Indices, Flags]:
+    """Columns of chains, the position of the column of each entry, and whether its row is of the same chain."""
+    of, columns = np.full(A.shape[0], -1), sp.csc_array(A[:, rows])
+    of[rows] = chain
+    at = np.repeat(np.arange(rows.size), np.diff(columns.indptr))
+    return columns, at, of[columns.indices] == chain[at]
+
+
+def _changed(A: sp.csc_array, rows: Indices, chain: Indices, back: Indices, least: float) -> Flags:
+    """Chains (c,) that change a symmetric matrix if they alone are in reverse, by a product with random numbers."""
+    columns, at, inside = _inside(A, rows, chain)
+    own, order = np.sqrt(abs(A.diagonal())), np.arange(A.shape[0])
+    order[rows] = rows[back]
+    size = np.maximum(own, own[order])
+    z = np.random.default_rng(1).uniform(1.0, 2.0, own.size)
+    alone, turned = (np.divide(z, each, out=z.copy(), where=each > 0) for each in (own, size))
+    rest, there = columns.data * np.where(inside, 0.0, alone[columns.indices]), columns.data * inside
+    found = np.bincount(at, rest + there * turned[columns.indices], rows.size)
+    other = np.bincount(at, rest + there * turned[order][columns.indices], rows.size)[back]
+    return np.bincount(chain, abs(other - found) > least * size[rows]) > 0
 
 
 def _supports(body: FEModel, nodes: Nodes, components: ArrayLike) -> Indices:
@@ -85,18 +116,22 @@ def _supports(body: FEModel, nodes: Nodes, components: ArrayLike) -> Indices:
     return np.asarray(at[at >= 0])
 
 
-def _ends_at_supports(body: FEModel, nodes: Nodes, chain: Indices) -> bool:
-    """True if the rows of a chain that the ground holds are beside supports, and those in their place in reverse not.
+def _end_at_supports(body: FEModel, nodes: Nodes, rows: Indices, chain: Indices, back: Indices, least: float) -> Flags:
+    """True for chains (c,) whose rows that the ground holds are beside supports, and those in their place not.
 
-    All of its rows move by one under one rigid motion.
+    All rows of a chain move by one under one rigid motion.
     """
-    if not (supports := _supports(body, nodes, body.dofs.component[chain[:1]])).size:
-        return False
-    force = np.asarray(body.K[chain][:, chain].sum(axis=1)).ravel()
-    loud = abs(force) > max(_SAME, _ROUNDINGS * body.rounding) * body.K.diagonal()[chain]
-    ids, of = np.unique(body.dofs.node[chain], return_inverse=True)
-    beside = beside_supports(body, nodes, ids, body.K, supports)[of]
-    return bool(loud.any() and beside[loud].all() and not beside[loud[::-1]].any())
+    columns, at, inside = _inside(body.K, rows, chain)
+    force = np.bincount(at[inside], columns.data[inside], rows.size)
+    loud = np.flatnonzero(abs(force) > least * body.K.diagonal()[rows])
+    sound, component = np.bincount(chain[loud], minlength=chain[-1] + 1) > 0, body.dofs.component[rows]
+    for one in np.unique(component[loud]):
+        held = loud[component[loud] == one]
+        supports = _supports(body, nodes, one)
+        ids, of = np.unique(body.dofs.node[rows[np.concatenate([held, back[held]])]], return_inverse=True)
+        here, there = np.split(beside_supports(body, nodes, ids, body.K, supports)[of], 2)
+        sound[chain[held[~here | there]]] = False
+    return np.asarray(sound)
 
 
 def prove_image(body: FEModel, nodes: Nodes) -> HiddenRows:
@@ -107,11 +142,11 @@ def prove_image(body: FEModel, nodes: Nodes) -> HiddenRows:
     if (to := mirror_image(nodes.xyz[nodes.index(ids)], -np.ones(3))) is None:
         return NONE_HIDDEN
     others = body.dofs.rows(ids[to][of], body.dofs.component)
-    every = np.arange(body.n)
-    if (others < 0).any() or _same(body, every, others):
+    least = max(_SAME, _ROUNDINGS * body.rounding)
+    if (others < 0).any() or all(unchanged_in(A, others, least) for A in (body.K, body.M)):
         return NONE_HIDDEN
     force, supports = abs(body.K @ body.rigid_shapes[:, :3]).max(axis=1), _supports(body, nodes, (1, 2, 3))
-    loud = np.unique(of[force > max(_SAME, _ROUNDINGS * body.rounding) * body.K.diagonal()])
+    loud = np.unique(of[force > least * body.K.diagonal()])
     if loud.size and supports.size and not beside_supports(body, nodes, ids[np.sort(to[loud])], body.K, supports).any():
         # The images of nodes beside supports are not.
         return NONE_HIDDEN
