@@ -5,6 +5,7 @@ Pairs of nodes show neither which row of a node is which, nor a mirror image of 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -64,7 +65,10 @@ def order_that_shows(body: FEModel, whose: str) -> tuple[str, str]:
         Nodes whose pairs show them, in words; empty for all.
     """
     if not _have_one_mass(body):
-        rest = "the masses of nodes differ by direction, or rows of single nodes are in another order"
+        rest = (
+            "the masses of nodes differ by direction, some nodes lack rows along an axis, or rows of single nodes are "
+            "in another order"
+        )
         return f"order of {whose or 'nodes'}", f"; {rest}, so that nothing shows which row of a node is which"
     if not whose and _mirrored(body):
         rest = "the masses of nodes in the place of their mirror images would couple the same pairs"
@@ -79,10 +83,17 @@ def _have_one_mass(body: FEModel) -> bool:
     gives a symmetric inertia. Rows of one node in each other's place do not.
     """
     assert body.nodes is not None
+    if body.constrained is not None:
+        # What holds a body in a plane is no support in it.
+        along = np.isin(body.constrained.component, body.dofs.component)
+        body = replace(body, constrained=body.constrained[np.flatnonzero(along)])
     ids = each_once(body.dofs.node[body.dofs.component > 0])
     rows = body.dofs.rows(ids[:, None], np.arange(1, 7)).reshape(-1, 6)
-    full = (rows[:, :3] >= 0).all(axis=1) & away_from_supports(body, ids)
-    ids, rows = ids[full], rows[full]
+    there = rows[:, :3] >= 0
+    # A moment in a plane may be that of any mass.
+    enough = there.any(axis=1) if (rows[:, 3:] < 0).all() else there.all(axis=1)
+    seen = enough & away_from_supports(body, ids)
+    ids, rows, there = ids[seen], rows[seen], there[seen]
     if not ids.size:
         return False
     at, least = body.nodes.index(ids), max(_SAME, _ROUNDINGS * body.rounding)
@@ -94,8 +105,9 @@ def _have_one_mass(body: FEModel) -> bool:
         return np.asarray(np.einsum("kra,krm->kam", frame, np.where(there, body.rigid_momentum[part, motions], 0.0)))
 
     moving = at_nodes(rows[:, :3], slice(3))
-    mass = np.trace(moving, axis1=1, axis2=2) / 3
-    off = abs(moving - mass[:, None, None] * np.eye(3)).max(axis=(1, 2))
+    mass = np.trace(moving, axis1=1, axis2=2) / there.sum(axis=1)
+    axes = np.einsum("kr,kra,krb->kab", there, frame, frame)
+    off = abs(moving - mass[:, None, None] * axes).max(axis=(1, 2))
     if (off > least * abs(mass).max()).any():
         return False
     turning = rows[:, 3:]
@@ -109,6 +121,9 @@ def _have_one_mass(body: FEModel) -> bool:
     weight = np.linalg.eigvalsh((inertia + inertia.transpose(0, 2, 1)) / 2)
     whole = (turning >= 0).all(axis=1)
     skew = abs(moment + moment.transpose(0, 2, 1))[whole].max(initial=0.0)
+    # Rotations of the neighbours, which may stand beside supports.
+    spun = at_nodes(rows[:, :3], slice(3, 6)) + moving @ arm
+    skew = max(skew, abs(spun + spun.transpose(0, 2, 1)).max())
     return bool(
         uneven <= least * size
         and weight.min() >= -least * size

@@ -37,7 +37,18 @@ def crooked() -> FEModel:
     return without(body, body.dofs.node == 1)
 
 
-@pytest.mark.parametrize("body", [arm(), crooked()], ids=["arm", "crooked"])
+def in_plane(axes: int) -> FEModel:
+    """Solid whose supports leave it motions along the first axes alone."""
+    body = block("part", [1.5, 0.5, 0.75], CELLS)
+    return without(body, body.dofs.component > axes)
+
+
+def straight() -> FEModel:
+    body = frame("part", [[0.2 * i, 0, 0] for i in range(11)], [(i, i + 1) for i in range(1, 11)])
+    return without(body, body.dofs.node == 1)
+
+
+@pytest.mark.parametrize("body", [arm(), crooked(), in_plane(2)], ids=["arm", "crooked", "in a plane"])
 def test_sound_masses_of_bars_are_proven_in_order(body: FEModel) -> None:
     found = proof(body)
     assert (found.state, found.only) == ("proven", "order")
@@ -48,6 +59,9 @@ def test_sound_masses_of_bars_are_proven_in_order(body: FEModel) -> None:
     [
         *((clamped, 32, one, other) for one, other in ((1, 2), (1, 3), (2, 3))),
         *((arm, 6, one, other) for one, other in ((1, 2), (1, 3), (2, 3), (1, 4), (2, 6), (4, 5), (4, 6))),
+        # Beside the supports, whose nodes are not looked at.
+        (straight, 2, 5, 6),
+        (lambda: in_plane(2), 32, 1, 2),
         *((crooked, 5, one, other) for one in range(1, 7) for other in range(one + 1, 7)),
     ],
 )
@@ -61,6 +75,12 @@ def test_rows_of_one_node_exchanged_in_the_mass_are_not_proven(make, node: int, 
     found = proof(wrong)
     assert found.state != "proven" or found.only.startswith("order of ")
     assert found.state != "proven" or "which row of a node is which" in found.remark
+
+
+def test_no_other_row_of_its_node_is_in_doubt_where_each_has_one() -> None:
+    """Rows along one axis: they were said to differ by direction."""
+    found = proof(in_plane(1))
+    assert (found.state, found.only) == ("proven", "order")
 
 
 def test_a_clamped_block_can_be_reversed_in_the_mass() -> None:
