@@ -82,16 +82,17 @@ def _have_one_mass(body: FEModel) -> bool:
     Under translation such a node has a momentum along it, and a moment of momentum across it. Rotation about the node
     gives a symmetric inertia. Rows of one node in each other's place do not.
     """
-    assert body.nodes is not None
     if body.constrained is not None:
         # What holds a body in a plane is no support in it.
         along = np.isin(body.constrained.component, body.dofs.component)
         body = replace(body, constrained=body.constrained[np.flatnonzero(along)])
+    assert body.nodes is not None
     ids = each_once(body.dofs.node[body.dofs.component > 0])
     rows = body.dofs.rows(ids[:, None], np.arange(1, 7)).reshape(-1, 6)
+    turns = bool(body.M.diagonal()[body.dofs.component > 3].any())
     there = rows[:, :3] >= 0
     # A moment in a plane may be that of any mass.
-    enough = there.any(axis=1) if (rows[:, 3:] < 0).all() else there.all(axis=1)
+    enough = there.all(axis=1) if turns else there.any(axis=1)
     seen = enough & away_from_supports(body, ids)
     ids, rows, there = ids[seen], rows[seen], there[seen]
     if not ids.size:
@@ -111,7 +112,7 @@ def _have_one_mass(body: FEModel) -> bool:
     if (off > least * abs(mass).max()).any():
         return False
     turning = rows[:, 3:]
-    if not (turning >= 0).any():
+    if not turns or not (turning >= 0).any():
         return True
     arm = cross_matrix(body.nodes.xyz[at] - body.nodes.xyz.mean(axis=0))
     moment = at_nodes(turning, slice(3))
