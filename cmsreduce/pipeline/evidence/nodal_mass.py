@@ -140,8 +140,8 @@ def exchanges_hidden(body: FEModel) -> int | None:
     mass = float(np.trace(P.sum(axis=0)) / 3)
     arm = cross_matrix(body.nodes.xyz[at[first]] - body.nodes.xyz[at[second]])
     change = arm @ (P[second] - P[first])
-    shown = abs(change + change.transpose(0, 2, 1)).max(axis=(1, 2)) / (mass * size)
-    return int((shown <= max(_SHOWS, _ROUNDINGS * body.rounding)).sum())
+    shown = abs(change + change.transpose(0, 2, 1)).max(axis=(1, 2))
+    return int((shown <= max(_SHOWS, _ROUNDINGS * body.rounding) * mass * size).sum())
 
 
 @dataclass(frozen=True)
