@@ -168,8 +168,8 @@ class Stages:
         if self.only not in (None, entry.stage) and not entry.needed:
             until = "" if self.only == REPORT else f" --until {self.only}"
             raise StageError(
-                f"stage '{entry.stage}' of '{entry.what}' is not finished for these inputs and settings; run "
-                f"`cmsreduce {entry.stage}` on this pipeline first, or `cmsreduce run{until}`"
+                f"stage '{entry.stage}' of '{entry.what}' is not finished for these inputs and settings by this "
+                f"version of cmsreduce; run `cmsreduce {entry.stage}` on this pipeline first, or `cmsreduce run{until}`"
             )
         if claim.enter_context(self.store.claimed(entry.stage, entry.what, entry.key)):
             return self._stored(entry, run)
