@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel, Nodes
-from cmsreduce.read.row_order.deck_causes import deck_cause
+from cmsreduce.read.row_order.causes import Failure, deck_cause, other_order, rounded_rows
 from cmsreduce.read.row_order.held_body import held_in_a_plane, held_rows, shown_rows
-from cmsreduce.read.row_order.likely_cause import Failure, other_order, rounded_rows
 from cmsreduce.read.row_order.rigid_residual import RigidResidual
 from cmsreduce.read.row_order.row_order_proof import RowOrderProof, hidden_rows
 from cmsreduce.read.row_order.unseen_rows import unseen_rows

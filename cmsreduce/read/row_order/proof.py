@@ -11,11 +11,10 @@ import numpy as np
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import DOUBLE, SCALAR, DofTable, FEModel, Nodes, last_digits
 from cmsreduce.read.printed_numbers import rounding_of_digits
+from cmsreduce.read.row_order.causes import Failure, likely_cause, mistaken_matrices, shuffled_nodes
 from cmsreduce.read.row_order.held_body import shown_rows
 from cmsreduce.read.row_order.held_proof import held_proof, loaded_nodes, not_proven, of_few_motions, stiffness_files
-from cmsreduce.read.row_order.likely_cause import Failure, likely_cause, shuffled_nodes
 from cmsreduce.read.row_order.other_ends import prove_image
-from cmsreduce.read.row_order.quiet_rows import mistaken_matrices
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual, without_idle_turns
 from cmsreduce.read.row_order.row_order_proof import RowOrderProof
 from cmsreduce.read.row_order.rows_of_nodes import prove_rows_of_nodes

@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.model import DofTable, FEModel, Nodes, entry_errors, last_digits
-from cmsreduce.read.row_order.deck_causes import deck_cause
-from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
-from cmsreduce.read.row_order.places_by_motion import other_labels
-from cmsreduce.read.row_order.quiet_rows import mass_in_stiffness
-from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
+from cmsreduce.model import DofTable, Nodes, entry_errors, last_digits
+from cmsreduce.read.row_order.causes.deck_causes import deck_cause
+from cmsreduce.read.row_order.causes.failure import Failure
+from cmsreduce.read.row_order.causes.mislabelled_nodes import mislabelled_nodes
+from cmsreduce.read.row_order.causes.places_by_motion import other_labels
+from cmsreduce.read.row_order.causes.quiet_rows import mass_in_stiffness
+from cmsreduce.read.row_order.rigid_residual import rigid_residual
 
-__all__ = ["Failure", "likely_cause", "other_order", "rounded_rows", "shuffled_nodes"]
+__all__ = ["likely_cause", "other_order", "rounded_rows", "shuffled_nodes"]
 
 _NAMED = 5
-# A spring to ground loads only its own node; a mislabelled node also loads all its neighbours.
-_FEW_NODES, _FEW_SHARE = 3, 0.1
 # Coordinates that are wrong by more than this part of the body's size are other coordinates, not rounded ones.
 _ROUNDED = 1e-3
 # Decimals that tell axes apart, and how many of them are tried.
 _AXES, _TRIED = 9, 5
 _LENGTHS = {"metres": 1.0, "millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048}
-# Relative to the largest force on a row: a smaller one is round-off.
-_NO_FORCE = 1e-6
 # Rows in a wrong order leave 0.2 to 1.2 of the stiffness; digits that leave as much prove nothing.
 _MISPLACED = 0.1
 # A half may be rounded up or down.
@@ -36,41 +33,6 @@ _HALVES = 1 + 1e-6
 # Relative error of a factor between units that least squares find.
 _SAME_FACTOR = 1e-3
 _PLANE_FRAME = ". Or the third dof of each node is its rotation about z, as for plane frames: name it 6 in such a list"
-
-
-@dataclass(frozen=True, eq=False)
-class Failure:
-    """A body whose proof failed, its forces against rigid motion, and the nodes that they load."""
-
-    body: FEModel
-    nodes: Nodes
-    found: RigidResidual
-    condensed: bool
-    loaded: NDArray[np.int64]
-
-    def explains(self, dofs: DofTable | None = None, nodes: Nodes | None = None) -> bool:
-        """True if the forces vanish with other row labels or another geometry."""
-        body, fixed = self.body, None if self.body.grounded else self.body.constrained
-        other = rigid_residual(body.K, dofs or body.dofs, nodes or self.nodes, fixed, body.rounding, self.condensed)
-        if self.body.grounded or self.found.motions.shape[1] == 0:
-            rows = other.excess > 1
-            return 2 * np.unique(body.dofs.node[rows]).size < self.loaded.size
-        return other.motions.shape[1] >= self.found.motions.shape[1] and other.vanishes
-
-    @property
-    def local(self) -> bool:
-        """True if forces act on a few nodes only."""
-        total = self.body.dofs.node_ids.size
-        return bool(self.loaded.size <= max(_FEW_NODES, _FEW_SHARE * total) and self.loaded.size < total)
-
-    @property
-    def only_turning(self) -> bool:
-        """True if translations of the body cost no force."""
-        if not np.array_equal(self.found.motions, np.eye(6)):
-            return False
-        bad = self.found.excess > 1
-        limit = np.abs(self.found.force[bad]).max(axis=1) * _NO_FORCE
-        return bool((np.abs(self.found.force[bad, :3]) <= limit[:, None]).all())
 
 
 def other_order(case: Failure) -> str | None:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import absolute_product, symmetric_product
 from cmsreduce.model import FEModel, Nodes, rigid_body_shapes
-
-if TYPE_CHECKING:
-    from cmsreduce.read.row_order.likely_cause import Failure
+from cmsreduce.read.row_order.causes.failure import Failure
 
 __all__ = ["LOUD", "QUIET", "mass_in_stiffness", "mistaken_matrices", "quiet_share"]
 

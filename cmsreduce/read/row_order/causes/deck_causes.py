@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,8 @@ from numpy.typing import NDArray
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import KEY_STEP, DofTable, FEModel, rigid_body_shapes
 from cmsreduce.read.calculix_abaqus import equations, hourglass_forces, preload_step
-
-if TYPE_CHECKING:
-    from cmsreduce.read.row_order.likely_cause import Failure
-    from cmsreduce.read.row_order.rigid_residual import RigidResidual
+from cmsreduce.read.row_order.causes.failure import Failure
+from cmsreduce.read.row_order.rigid_residual import RigidResidual
 
 __all__ = ["deck_cause"]
 
