@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.model import DofTable, FEModel, Nodes, each_once
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["HeldRows", "beside_supports", "held_in_a_plane", "held_rows", "shown_rows"]
+__all__ = ["HeldRows", "beside_supports", "held_in_a_plane", "held_rows", "shown_rows", "supports_of"]
 
 # Relative to the other forces at a node: a smaller one is round-off.
 _NO_FORCE = 1e-6
@@ -141,23 +141,22 @@ def _sorted(body: FEModel, nodes: Nodes, A: sp.csc_array, found: RigidResidual) 
     whole = _whole(body, ids, A)
     wrong = resists & ~pushed & across & whole
     if wrong.any():
-        beside = beside_supports(body, nodes, ids[wrong], A, _supports(body, nodes))
+        beside = beside_supports(body, nodes, ids[wrong], A, supports_of(body, nodes))
         beside[beside] = ~_exchanged_around(body, ids[wrong][beside], A, found)
         wrong[wrong] = ~beside
     proven = ~resists | (pushed & sprung) | (~pushed & ~across)
     far = ids[pushed & ~proven & ~wrong]
-    supports = np.union1d(_supports(body, nodes), np.flatnonzero(~np.isin(nodes.id, ids)))
+    supports = np.union1d(supports_of(body, nodes), np.flatnonzero(~np.isin(nodes.id, ids)))
     if not supports.size or beside_supports(body, nodes, far, A, supports).any():
         far = far[:0]
     return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong], far)
 
 
-def _supports(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
-    """Positions of nodes with translations at rest."""
+def supports_of(body: FEModel, nodes: Nodes, components: ArrayLike = (1, 2, 3)) -> NDArray[np.int64]:
+    """Positions of nodes at rest in one of some components, the translations by default."""
     if body.constrained is None:
         return np.zeros(0, dtype=np.int64)
-    translations = (body.constrained.component > 0) & (body.constrained.component <= 3)
-    held = nodes.index(body.constrained.node[translations])
+    held = nodes.index(body.constrained.node[np.isin(body.constrained.component, components)])
     return np.asarray(held[held >= 0])
 
 

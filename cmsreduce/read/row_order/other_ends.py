@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import unchanged_in
 from cmsreduce.model import FEModel, Nodes
-from cmsreduce.read.row_order.held_body import beside_supports
+from cmsreduce.read.row_order.held_body import beside_supports, supports_of
 from cmsreduce.read.row_order.mass_order import COUPLED, DIGITS
 from cmsreduce.read.row_order.row_order_proof import NONE_HIDDEN, HiddenRows, hidden_rows
 
@@ -108,14 +108,6 @@ def _changed(A: sp.csc_array, rows: Indices, chain: Indices, back: Indices, leas
     return np.bincount(chain, abs(other - found) > least * size[rows]) > 0
 
 
-def _supports(body: FEModel, nodes: Nodes, components: ArrayLike) -> Indices:
-    """Positions of nodes that are held in one of some components."""
-    if body.constrained is None:
-        return np.zeros(0, dtype=np.int64)
-    at = nodes.index(body.constrained.node[np.isin(body.constrained.component, components)])
-    return np.asarray(at[at >= 0])
-
-
 def _end_at_supports(body: FEModel, nodes: Nodes, rows: Indices, chain: Indices, back: Indices, least: float) -> Flags:
     """True for chains (c,) whose rows that the ground holds are beside supports, and those in their place not.
 
@@ -127,7 +119,7 @@ def _end_at_supports(body: FEModel, nodes: Nodes, rows: Indices, chain: Indices,
     sound, component = np.bincount(chain[loud], minlength=chain[-1] + 1) > 0, body.dofs.component[rows]
     for one in np.unique(component[loud]):
         held = loud[component[loud] == one]
-        supports = _supports(body, nodes, one)
+        supports = supports_of(body, nodes, one)
         ids, of = np.unique(body.dofs.node[rows[np.concatenate([held, back[held]])]], return_inverse=True)
         here, there = np.split(beside_supports(body, nodes, ids, body.K, supports)[of], 2)
         sound[chain[held[~here | there]]] = False
@@ -145,7 +137,7 @@ def prove_image(body: FEModel, nodes: Nodes) -> HiddenRows:
     least = max(_SAME, _ROUNDINGS * body.rounding)
     if (others < 0).any() or all(unchanged_in(A, others, least) for A in (body.K, body.M)):
         return NONE_HIDDEN
-    force, supports = abs(body.K @ body.rigid_shapes[:, :3]).max(axis=1), _supports(body, nodes, (1, 2, 3))
+    force, supports = abs(body.K @ body.rigid_shapes[:, :3]).max(axis=1), supports_of(body, nodes, (1, 2, 3))
     loud = np.unique(of[force > least * body.K.diagonal()])
     if loud.size and supports.size and not beside_supports(body, nodes, ids[np.sort(to[loud])], body.K, supports).any():
         # The images of nodes beside supports are not.
