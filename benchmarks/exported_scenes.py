@@ -87,7 +87,7 @@ CASES = {
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a program made of a case.
+    """Result of a program for a case.
 
     Parameters
     ----------

@@ -121,7 +121,7 @@ def _vibrates(D: Array, w: Array) -> bool:
 
 
 def _modal_terms(body: FEModel, Phi: Array, r: int) -> tuple[ParameterTerm, ...]:
-    """What parameters add to the modal matrices; exactly nothing on rigid motions that they do not resist."""
+    """Parts that parameters add to the modal matrices; exactly nothing on rigid motions that they do not resist."""
     found = []
     for term in body.terms:
         A = skew_congruence(term.matrix, Phi) if term.gyroscopic else congruence(term.matrix, Phi)

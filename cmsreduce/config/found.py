@@ -33,7 +33,7 @@ def found_in(value: object) -> str:
 
 
 def instead_of(value: object, example: str, unit: bool, whole: bool = False) -> str:
-    """What to write instead of a value that is no number, from a comma on.
+    """Remedy: text to write instead of a value that is no number, from a comma on.
 
     Parameters
     ----------

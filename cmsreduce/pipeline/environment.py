@@ -1,4 +1,4 @@
-"""What a run finds on this machine: versions, solvers and their kernels, threads, memory, disk, compiled loops."""
+"""Means that a run finds here: versions, solvers and their kernels, threads, memory, disk, compiled loops."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ def read_body(
 
 @dataclass(frozen=True)
 class _Declared:
-    """What the user says of a body, beside its files; see `read_body`."""
+    """Keys of a body beside its files; see `read_body`."""
 
     name: str
     damping: Damping

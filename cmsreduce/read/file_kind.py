@@ -1,4 +1,4 @@
-"""What a file is, by its content: one look, which all readers, commands and refusals share.
+"""Kind of a file, by its content: one look, which all readers, commands and refusals share.
 
 The tables of the formats that are read are here; files that are known and not read are in `marks`.
 """
@@ -70,7 +70,7 @@ _MESHES_OF_NUMBERS = frozenset({".avs", ".ele", ".node", ".ugrid"})
 
 @dataclass(frozen=True)
 class FileKind:
-    """What a file is.
+    """Kind of a file.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ _PROGRAMS = {
     (".h3d", ".xdb", ".master", ".dball", ".fem"): "PARAM,EXTOUT,DMIGPCH of NASTRAN and OptiStruct writes matrices",
     (".mnf", ".fbi", ".rfi"): "Start from the matrices and the deck of the finite-element program",
 }
-"""What to do with a file of no known content, by the end of its name, as programs write them."""
+"""Remedies for a file of no known content, by the end of its name, as programs write them."""
 
 _OWN = {
     "component": ("a component file of cmsreduce, a body that is reduced already", f"{REDUCED}; {_INSPECT}"),

@@ -156,7 +156,7 @@ def rigid_words(body: RigidBody) -> str:
 
 
 def system_words(run: RunResult) -> str:
-    """What shows a ground, a hinge or a mass that is not as meant: rigid motions, and the first modes; maybe empty."""
+    """Rigid motions and first modes, which show a ground, a hinge or a mass that is not as meant; empty without any."""
     found = [modes for modes in run.systems if modes.rigid_count or modes.frequencies_hz.size]
     if not found:
         return ""

@@ -1,4 +1,4 @@
-"""What parameters and gyroscopic forces add to the matrices of a body: read, proven, in its rows and units."""
+"""Matrices that parameters and gyroscopic forces add to those of a body: read, proven, in its rows and units."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def one_mass(body: FEModel, limit: float, beside: bool) -> list[Finding]:
 
 
 def order_that_shows(body: FEModel, whose: str) -> tuple[str, str]:
-    """What of the order of a mass is shown where its pairs of nodes are, and a remark on the rest.
+    """Part of the order of a mass that is shown where its pairs of nodes are, and a remark on the rest.
 
     Parameters
     ----------

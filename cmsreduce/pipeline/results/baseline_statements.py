@@ -57,7 +57,7 @@ def statement_findings(old: ComponentFile, new: ComponentFile, tolerances: Toler
 
 
 def _listed(file: ComponentFile) -> list[str]:
-    """What a file holds, by path; of unit loads their names."""
+    """Values of a file, by path; of unit loads their names."""
     paths = [path for path in (*file.arrays, *file.texts) if not path.startswith(_ASIDE)]
     return [*paths, *file.texts.get("geometric_stiffness/load", ())]
 

@@ -31,7 +31,7 @@ _EFFORTS = {"translation": "force", "rotation": "torque"}
 
 
 def channel_quantities(scene: Scene) -> tuple[list[str], list[str]]:
-    """What each actuator and each sensor is: force or torque; translation, rotation, with `` rate``; combination."""
+    """Kind of each actuator and sensor: force or torque; translation, rotation, with `` rate``; combination."""
     efforts = [_EFFORTS.get(channel.quantity, channel.quantity) for channel in scene.actuators]
     return efforts, [channel.quantity + " rate" * channel.rate for channel in scene.sensors]
 

@@ -98,7 +98,7 @@ class VerifyStages(SystemStages):
         return Verified(results, labels, *times, self._checked(), self._between())
 
     def verification_notes(self, found: Verified) -> Iterator[str]:
-        """What a reader of the findings must know."""
+        """Notes for a reader of the findings."""
         if (poor := completeness_note(self.completeness)) is not None:
             yield poor
         if not self.has_response:

@@ -110,7 +110,7 @@ def mesh(path: str, format: str | None = None) -> Arrays:
 
 
 def has_negative(path: str) -> bool:
-    """Whether a negative number stands in the elements of a file of gmsh: meshio counts such nodes from the end."""
+    """True if a negative number stands in the elements of a file of gmsh: meshio counts such nodes from the end."""
     return b"-" in Path(path).read_bytes().rpartition(b"$Elements")[2].partition(b"$EndElements")[0]
 
 

@@ -50,7 +50,7 @@ class HiddenRows(NamedTuple):
         return 0 < self.total == self.rows.size
 
     def without_rows(self) -> HiddenRows:
-        """What is left once the rows are shown by other means."""
+        """The rest, once these rows are shown by other means."""
         return self._replace(rows=self.rows[:0]) if self.mirrored else NONE_HIDDEN
 
     def joined(self, other: HiddenRows) -> HiddenRows:

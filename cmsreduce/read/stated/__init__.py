@@ -1,4 +1,4 @@
-"""What the elements of a deck state: mass, strain energy, and stiffness at single nodes.
+"""Statements of the elements of a deck: mass, strain energy, and stiffness at single nodes.
 
 Sums over elements, and integrals over solids, belong here.
 The elements themselves belong in the rooms of the formats, such as `read.nastran.stated`.

@@ -85,7 +85,7 @@ class ComponentFile:
 
     @property
     def parameter_terms(self) -> tuple[ParameterTerm, ...]:
-        """What parameters of the scene add to the modal matrices; empty for a body without parameters."""
+        """Parts that parameters of the scene add to the modal matrices; empty for a body without parameters."""
         found = []
         for path in sorted(self.arrays):
             if path.startswith("parameters/"):

@@ -75,7 +75,7 @@ def _laid_out(value: Any, margin: str = "", *, in_list: bool = False) -> str:
 
 
 def _plain(value: Any) -> bool:
-    """Whether a value is a string, a number, null, or a list of such without mappings in it."""
+    """True if a value is a string, a number, null, or a list of such without mappings in it."""
     return all(map(_plain, value)) if isinstance(value, (list, tuple)) else not isinstance(value, dict)
 
 

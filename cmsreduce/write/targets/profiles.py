@@ -24,7 +24,7 @@ __all__ = ["PROFILES", "Profile", "TargetFiles", "profile_files"]
 
 @dataclass(frozen=True)
 class Profile:
-    """What one program takes of a flexible body.
+    """Parts of a flexible body that one program takes.
 
     Parameters
     ----------

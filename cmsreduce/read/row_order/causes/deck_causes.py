@@ -98,7 +98,7 @@ def _broken_equations(case: Failure) -> str | None:
 
 
 def _words(case: Failure, broken: Sequence[tuple[str, DofTable]], pushes: NDArray[np.bool_]) -> str | None:
-    """What is wrong with equations that rigid motion breaks, and translation some of them, and the remedy."""
+    """Fault of equations that rigid motion breaks, and translation some of them, and its remedy, in words."""
     support = pushes | np.array([np.unique(dofs.node).size == 1 for _, dofs in broken])
     if case.body.grounded and support.all():
         return None
