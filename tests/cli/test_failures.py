@@ -44,7 +44,8 @@ OTHERS = {
 BREAKING = {
     "the checks of '{}'",
     "the component file of '{}'",
-    "the count of motions of negative energy of '{}'",
+    "the count of motions of negative mass of '{}'",
+    "the count of motions of negative stiffness of '{}'",
     "the errors between the sampled configurations",
     "the damping of the modes in '{}'",
     "the file system.h5",

@@ -21,20 +21,20 @@ from cmsreduce.mechanics import Tie, places_by_stiffness, tie_nodes
 from cmsreduce.model import FEModel, Proof, rigid_body_shapes
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline import Run, Silent
-from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.drafts import draft_body
-from cmsreduce.pipeline.evidence import mass_order_by_deck, nodes_against_deck, nodes_times_deck
+from cmsreduce.pipeline.evidence import mass_order_by_deck, nodes_times_deck
 from cmsreduce.pipeline.evidence.deck_agreement import energy_ratios, statement_of
+from cmsreduce.pipeline.evidence.nodal_stiffness import nodes_against_deck
 from cmsreduce.read import (
     InterfaceSpec,
     MatrixSource,
     deck_statement,
-    prove_mass_order,
     prove_row_order,
     read_body,
     read_geometry,
 )
 from tests.golden.calculix_bodies import BODIES, STEEL, Deck, arc, body, solve, stiffened
+from tests.pipeline.proofs import proofs_of
 
 pytestmark = pytest.mark.ccx
 
@@ -69,13 +69,7 @@ def frequencies(found) -> np.ndarray:
 
 def mass_proof(found: FEModel, deck: Path, factor: float) -> Proof:
     """Proof of the mass times a factor beside a deck."""
-    return proof_of_deck(replace(found, M=sp.csc_array(found.M * factor)), deck, 2)
-
-
-def proof_of_deck(found: FEModel, deck: Path, number: int) -> Proof:
-    """Proof of the rows (0), the stiffness (1) or the mass (2) beside a deck."""
-    rows, order = prove_row_order(found), prove_mass_order(found)
-    return prove_body(found, found, statement_of(deck, found), rows, order, definite(found, None)).proofs[number]
+    return proofs_of(replace(found, M=sp.csc_array(found.M * factor)), deck)["mass"]
 
 
 @pytest.mark.parametrize("held", [False, True])
@@ -100,7 +94,7 @@ def test_solids_beside_supports(tmp_path, kind):
     deck.keywords += "*BOUNDARY\nROOT, 1, 3\n"
     solve(tmp_path, "bar", deck.text(), matrices=True)
     found = read(tmp_path)
-    stiff, right = (proof_of_deck(found, tmp_path / "bar.inp", name) for name in (1, 2))
+    stiff, right = (proofs_of(found, tmp_path / "bar.inp")[name] for name in ("stiffness", "mass"))
     assert stiff.state == "proven" and f"at {len(deck.nodes) - len(root)} of" in stiff.remark
     assert right.state != "refuted"
     beside = [k + 1 for k, (_, nodes) in enumerate(deck.elements) if set(nodes) & set(root)]
@@ -109,7 +103,7 @@ def test_solids_beside_supports(tmp_path, kind):
     solve(tmp_path, "other", deck.text() + heavy, matrices=True)
     for kind_of in ("mas", "dof"):
         (tmp_path / f"other.{kind_of}").replace(tmp_path / f"bar.{kind_of}")
-    wrong = proof_of_deck(read(tmp_path), tmp_path / "bar.inp", 2)
+    wrong = proofs_of(read(tmp_path), tmp_path / "bar.inp")["mass"]
     assert wrong.state == "refuted" and "times that of the deck" in wrong.remark
 
 

@@ -18,7 +18,7 @@ from cmsreduce.pipeline.store import DIAGNOSTICS
 from tests.pipeline.study import PIPELINE, Log, arm, write_body
 from tests.pipeline.test_reuse import done
 
-COUNT = "the count of motions of negative energy of '{}'"
+COUNT = "the count of motions of negative mass of '{}'"
 
 
 def proven(run: Run) -> list[str]:

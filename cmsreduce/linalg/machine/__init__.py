@@ -5,6 +5,7 @@ Algorithms belong in the other rooms of `linalg`.
 """
 
 from cmsreduce.linalg.machine.allowance import available_memory, usable_cores
+from cmsreduce.linalg.machine.beside import begun
 from cmsreduce.linalg.machine.lapack_calls import lapack_call, lapack_offers
 from cmsreduce.linalg.machine.mkl_library import (
     SparseMatrix,
@@ -34,6 +35,7 @@ __all__ = [
     "add_product",
     "allowed_threads",
     "available_memory",
+    "begun",
     "current_settings",
     "end_openmp",
     "lapack_call",

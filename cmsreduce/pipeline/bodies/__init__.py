@@ -7,7 +7,6 @@ The joined system belongs in `pipeline.system`.
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, in_scene, probing_loads, read_flexible
 from cmsreduce.pipeline.bodies.body_damping import damping_health, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
-from cmsreduce.pipeline.bodies.body_proofs import RIGID_MOTIONS
 from cmsreduce.pipeline.bodies.from_keys import interface_specs, read_rigid, tied_body
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
@@ -25,6 +24,7 @@ from cmsreduce.pipeline.bodies.reference import (
     wide_in_modes,
 )
 from cmsreduce.pipeline.bodies.spinning import spin_notes
+from cmsreduce.pipeline.bodies.stiffness_proof import RIGID_MOTIONS
 from cmsreduce.pipeline.bodies.wireframe import cells_of, wireframe
 
 __all__ = [

@@ -13,7 +13,8 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import certified_modes
 from cmsreduce.linalg.sparse import factorise, motions_held
 from cmsreduce.model import FEModel, Finding, rigid_body_shapes
-from cmsreduce.pipeline.bodies.body_proofs import definite
+from cmsreduce.pipeline.bodies.mass_proof import negative_mass
+from cmsreduce.pipeline.bodies.stiffness_proof import negative_stiffness
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.verify import (
     Contrast,
@@ -98,7 +99,8 @@ def body_health(
         Motions that neither stiffness nor mass determines, of which one dof each is held, as in `Determined`.
     """
     if negative is None:
-        negative = definite(body, None) if thorough else dict.fromkeys(("stiffness", "mass"))
+        counts = (negative_stiffness(body), negative_mass(body)) if thorough else (None, None)
+        negative = dict(zip(("stiffness", "mass"), counts, strict=True))
     checks = [
         Finding(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
     ]

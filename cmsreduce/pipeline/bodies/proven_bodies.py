@@ -4,30 +4,46 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.config import Pipeline
-from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.eigen import DEPENDENT, only_motions, rigid_body_modes
+from cmsreduce.linalg.eigen import only_motions, rigid_body_modes
+from cmsreduce.linalg.machine import begun
+from cmsreduce.linalg.sparse import share_order
 from cmsreduce.mechanics import check_connected, hold_undetermined, rows_alone
-from cmsreduce.model import ARITHMETIC, DofTable, Failure, FEModel, Finding, Proof, Scene, in_units, rigid_body_shapes
+from cmsreduce.model import (
+    Failure,
+    FEModel,
+    Finding,
+    Proof,
+    Scene,
+    Units,
+    in_units,
+)
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
-from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
+from cmsreduce.pipeline.bodies.free_motions import (
+    check_grounded,
+    counted_motions,
+    geometric_motions,
+    held_turning,
+    mechanisms,
+)
 from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
-from cmsreduce.pipeline.bodies.plausible_units import implausible_units, solid_material
+from cmsreduce.pipeline.bodies.mass_proof import negative_mass, prove_mass
+from cmsreduce.pipeline.bodies.plausible_units import Material, implausible_units, solid_material
 from cmsreduce.pipeline.bodies.scene_ports import scene_ports
+from cmsreduce.pipeline.bodies.stiffness_proof import negative_stiffness, prove_stiffness
 from cmsreduce.pipeline.bodies.wireframe import cells_of
-from cmsreduce.pipeline.evidence import statement_of
-from cmsreduce.read import RowOrderProof, files_read, prove_mass_order, prove_row_order, sha256_of, texts_kept
-from cmsreduce.verify import rigid_motions_proof
+from cmsreduce.pipeline.evidence import Evidence, evidence_of, statement_of
+from cmsreduce.read import MassOrder, RowOrderProof, files_read, prove_row_order, sha256_of, texts_kept
 
 __all__ = ["THOROUGH", "ProvenBody", "hash_of", "matrices_hash", "needs_files", "proven_body"]
 
@@ -36,13 +52,12 @@ THOROUGH = 3000
 
 # Below this number of dofs a search for mechanisms costs less than the proof that there are none.
 _LARGE = 2000
-# Share of a unit translation outside the motions that K leaves free, up to which K leaves it free, too.
-_AT_REST = 1e-6
-# Of the kinetic energy of a motion: more than this beside the rigid motions of the geometry is another motion.
-_OTHER = 1e-3
+# Above, the proofs by products wait for the factor: memory matters more than time.
+_BESIDE = 400_000
 _FREE = 6
 # Fields of a body that its own constructor fills.
 _SOUND = "_sound"
+_Gathered = tuple[Evidence, Mapping[str, NDArray[np.int64]] | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,26 +145,27 @@ def proven_body(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
 
 def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     part = pipeline.components[name]
-    geometry = None if part.geometry is None else part.geometry.file
+    units = part.units_in(scene.units)
     with texts_kept():
-        as_read, unproven, changed, known_order = body_as_read(name, part, part.units_in(scene.units))
-        stated = (None, None) if geometry is None else statement_of(geometry, as_read)
-        # A deck with materials says which density is right.
-        cells = cells_of(as_read) if stated[0] is None else None
-    # The rows are proven on the matrices as they are read; ties and units change them.
-    proof, order = prove_row_order(as_read), known_order or prove_mass_order(as_read)
-    if unproven:
-        proof = RowOrderProof("labelled", remark=unproven)
-    free = proof.status == "proven" and proof.motions == _FREE
-    grown, unused = recovered_body(as_read, part)
-    tied = tied_body(grown, part, free)
-    converted = in_units(tied, scene.units)
-    # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
-    large = converted.n > _LARGE
+        as_read, unproven, changed, known_order = body_as_read(name, part, units)
+        # The rows are proven on the matrices as they are read; ties and units change them.
+        proof = RowOrderProof("labelled", remark=unproven) if unproven else prove_row_order(as_read)
+        grown, unused = recovered_body(as_read, part)
+        free = proof.status == "proven" and proof.motions == _FREE
+        converted = in_units(tied_body(grown, part, free), scene.units)
+        large = converted.n > _LARGE
+        beside = large and as_read.n <= _BESIDE
+        geometry = None if part.geometry is None else part.geometry.file
+        gathering = begun(partial(_gathered, as_read, geometry, proof, known_order), beside=beside)
     proven = None
     if large:
+        # The mass takes the order of the stiffness.
+        share_order(converted.K)
+    of_mass = begun(partial(_mass_proven, as_read, converted, gathering, units), beside=beside)
+    # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
+    if large:
         acting = scene_ports(pipeline, converted, scene).interface
-        proven = only_motions(converted.K, _rigid_shapes(converted), converted.stiffness_rounding, acting)
+        proven = only_motions(converted.K, geometric_motions(converted), converted.stiffness_rounding, acting)
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
@@ -158,14 +174,12 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     # A mode that no other one excites shares neither stiffness nor mass with them.
     pieces = "" if part.in_modes else check_connected(body, proven)
     rounding = body.stiffness_rounding
-    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), rounding, name, proven, prove=not large)
-    _check_grounded(body, rigid)
-    negative = definite(body, proven, as_read)
-    units = part.units_in(scene.units)
-    solid = None if cells is None else solid_material(as_read, cells, order)
-    density = "" if solid is None else solid.to_compare(units)
-    proved = prove_body(as_read, converted, stated, proof, order, negative, density)
-    notes = [*changed, *_mechanisms(body, rigid), *_held_turning(body, rigid)]
+    rigid = rigid_body_modes(body.K, body.M, geometric_motions(body), rounding, name, proven, prove=not large)
+    check_grounded(body, rigid)
+    negative = {"stiffness": negative_stiffness(body, proven)}
+    checks, proofs = prove_stiffness(as_read, gathering.result()[0], negative["stiffness"])
+    solid, negative["mass"], (mass_checks, mass_proof) = of_mass.result()
+    notes = [*changed, *mechanisms(body, rigid), *held_turning(body, rigid)]
     if doubtful := implausible_units(as_read, units, solid):
         notes.append(f"{name}: {doubtful}")
     if proof.status != "proven":
@@ -175,16 +189,16 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     # A later run, in another folder, draws the elements of these files.
     found = tuple(replace(source, path=str(Path(source.path).absolute())) for source in body.sources)
     parts = {field.name: getattr(body, field.name) for field in fields(body) if field.name != _SOUND}
-    counted, uncertain = _counted_motions(body, rigid, proof, bool(determined.held))
+    counted, uncertain = counted_motions(body, rigid, proof, bool(determined.held))
     notes += [uncertain] if uncertain else []
-    every = (*proved.proofs, counted)
+    every = (*proofs, mass_proof, counted)
     return ProvenBody(
         {**parts, "sources": found},
         determined.motions,
         determined.held,
         determined.lost,
         rigid,
-        proved.checks,
+        (*checks, *mass_checks),
         tuple(replace(each, subject=name) for each in every),
         tuple(notes),
         negative,
@@ -193,6 +207,25 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
         {},
         as_read=as_read if needs_files(pipeline, name) else None,
     )
+
+
+def _gathered(as_read: FEModel, geometry: Path | None, rows: RowOrderProof, order: MassOrder | None) -> _Gathered:
+    """Evidence for a body, and its cells where no deck states its mass."""
+    stated = (None, None) if geometry is None else statement_of(geometry, as_read)
+    # A deck with materials says which density is right.
+    cells = cells_of(as_read) if stated[0] is None else None
+    return evidence_of(as_read, rows, stated, order), cells
+
+
+def _mass_proven(
+    as_read: FEModel, converted: FEModel, gathering: Future[_Gathered], units: Units
+) -> tuple[Material | None, int | None, tuple[tuple[Finding, ...], Proof]]:
+    """Material of a solid whose deck states none, motions of negative mass, and proof of the mass of a body."""
+    evidence, cells = gathering.result()
+    solid = None if cells is None else solid_material(as_read, cells, evidence.order)
+    negative = negative_mass(converted, as_read)
+    density = "" if solid is None else solid.to_compare(units)
+    return solid, negative, prove_mass(as_read, converted, evidence, negative, density)
 
 
 def needs_files(pipeline: Pipeline, name: str) -> bool:
@@ -222,96 +255,3 @@ def hash_of(label: bytes, arrays: Iterable[NDArray[Any]]) -> str:
         digest.update(str((array.shape, array.dtype.str)).encode())
         digest.update(np.ascontiguousarray(array).data)
     return digest.hexdigest()
-
-
-def _counted_motions(body: FEModel, rigid: NDArray[np.float64], rows: RowOrderProof, held: bool) -> tuple[Proof, str]:
-    """Proof of the number of rigid motions, and a note where it has none; ``held`` if dofs that nothing moves are."""
-    shown = None
-    if rows.status == "proven" and rows.motions:
-        # Rows along a plane or a line do not show all six.
-        shown = min(rows.motions, _shown_motions(body))
-        # A dof that is held because nothing moves it may take a rigid motion with it, as the spin of a straight bar.
-        if held and rigid.shape[1] < shown:
-            shown = None
-    counted = rigid_motions_proof(body, rigid.shape[1], shown)
-    if shown is not None or counted.state != "unproven":
-        return counted, ""
-    more = "" if body.nodes is not None else ", or give `geometry:`"
-    return counted, (
-        f"{body.name}: {counted.remark} to {counted.digits:.0f} digits; if the body is held, these are its softest "
-        f"modes, which are lost: write the stiffness in double precision{more}"
-    )
-
-
-def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
-    """Refuse a body that is declared grounded and has as many motions without force as a free one."""
-    few = " the file has too few digits for its softest motions, or" if body.stiffness_rounding > ARITHMETIC else ""
-    if body.grounded and 0 < _shown_motions(body) <= rigid.shape[1]:
-        raise DofMapError(
-            f"body '{body.name}': `grounded: true` says that the ground holds the body, but its stiffness has "
-            f"{rigid.shape[1]} motions without force, as a free body has, and they are not the rigid motions of the "
-            f"geometry. Likely cause:{few} its rows are shuffled or of another set. "
-            f"{'Write the stiffness in double precision, or give' if few else 'Give'} the order of the rows as a list "
-            "of node.component under `rows:`, and remove `grounded: true` if nothing holds the body"
-        )
-
-
-def _mechanisms(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
-    """Note on motions without energy that are no rigid motions of the geometry."""
-    # Constraints that hold only what has no stiffness leave the motions of the geometry free.
-    whole, shapes = _shown_motions(body), _rigid_shapes(body)
-    if shapes is None or not whole or not rigid.shape[1]:
-        return []
-    momentum = body.rigid_momentum
-    others = rigid - shapes @ np.linalg.lstsq(shapes.T @ momentum, momentum.T @ rigid)[0]
-    # The modes are orthonormal in mass.
-    count = int((np.linalg.eigvalsh(others.T @ (body.M @ others)) > _OTHER).sum())
-    if not count:
-        return []
-    kept = f"beyond the {whole} rigid ones" if rigid.shape[1] > whole else "that are no rigid motions of the body"
-    return [
-        f"{body.name}: K leaves {count} motions without energy {kept}: a hinge or release inside the body. If it has "
-        "none, elements are missing, or the file has too few digits for its softest motions, as for a thin plate"
-    ]
-
-
-def _held_turning(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
-    """Note on a body that is declared grounded, and resists rotation alone, as no support does."""
-    if not body.grounded or body.nodes is None or not rigid.shape[1]:
-        return []
-    # Supports of all nodes across a plane resist rotation out of it, which would move rows that there are not.
-    absent = np.setdiff1d((1, 2, 3), body.dofs.component)
-    ids = np.unique(body.dofs.node[(body.dofs.component > 0) & (body.dofs.component <= 3)])
-    dofs = DofTable(np.repeat(ids, absent.size), np.tile(absent, ids.size).astype(np.int8))
-    size = np.repeat([1.0, float(np.ptp(body.nodes.xyz, axis=0).max()) or 1.0], 3)
-    across, shapes = rigid_body_shapes(dofs, body.nodes, body.nodes.xyz.mean(axis=0)) / size, body.rigid_shapes
-    inside = la.null_space(np.linalg.qr(np.vstack([np.zeros((6, 6)), across]), mode="r"), rcond=_AT_REST)
-    if rigid.shape[1] >= _rank(shapes / size @ inside):
-        return []
-    translations = shapes[:, :3]
-    resisted = translations - rigid @ (rigid.T @ (body.M @ translations))
-    if abs(resisted).max() > _AT_REST:
-        return []
-    return [
-        f"{body.name}: its stiffness resists rotation of the whole body and no translation, as no support does: a "
-        "spring or a constraint (MPC, *EQUATION) joins points that do not coincide, and keeps the body from "
-        "turning. Join points at one place, or by a rigid element, and write the matrices again"
-    ]
-
-
-def _rigid_shapes(body: FEModel) -> NDArray[np.float64] | None:
-    return None if body.nodes is None else body.rigid_shapes
-
-
-def _shown_motions(body: FEModel) -> int:
-    """Rigid motions that move the rows of a body in different ways; 0 without coordinates."""
-    shapes = _rigid_shapes(body)
-    if shapes is None:
-        return 0
-    return _rank(shapes)
-
-
-def _rank(shapes: NDArray[np.float64]) -> int:
-    """Number of shapes (n, k) that are independent of each other."""
-    lengths = np.linalg.norm(shapes, axis=0)
-    return int(np.linalg.matrix_rank(shapes / np.where(lengths > 0, lengths, 1.0), DEPENDENT))

@@ -14,6 +14,7 @@ from cmsreduce.pipeline.evidence.deck_agreement import (
     statement_of,
 )
 from cmsreduce.pipeline.evidence.entries_of_solids import ENTRIES, mass_by_entries, rows_by_entries
+from cmsreduce.pipeline.evidence.gathered import NO_ENERGY, Evidence, energy_limit, evidence_of
 from cmsreduce.pipeline.evidence.mass_against_deck import (
     directions_against_deck,
     followers_in_words,
@@ -28,7 +29,7 @@ from cmsreduce.pipeline.evidence.nodal_mass import (
     lumps,
     moments_toward_neighbours,
 )
-from cmsreduce.pipeline.evidence.nodal_stiffness import NodesAgainstDeck, nodes_against_deck
+from cmsreduce.pipeline.evidence.nodal_stiffness import NodesAgainstDeck
 from cmsreduce.pipeline.evidence.point_masses import points_against_deck, without_points
 from cmsreduce.pipeline.evidence.rows_of_masses import one_mass, order_that_shows
 
@@ -36,10 +37,14 @@ __all__ = [
     "BOUNDED",
     "ENTRIES",
     "EXACT",
+    "Evidence",
+    "NO_ENERGY",
     "NodesAgainstDeck",
     "against_deck",
+    "energy_limit",
     "energy_ratios",
     "directions_against_deck",
+    "evidence_of",
     "exchanges_hidden",
     "fields_in_words",
     "generalised_coordinates",
@@ -50,7 +55,6 @@ __all__ = [
     "mass_by_entries",
     "mass_order_by_deck",
     "moments_toward_neighbours",
-    "nodes_against_deck",
     "nodes_times_deck",
     "one_mass",
     "order_that_shows",

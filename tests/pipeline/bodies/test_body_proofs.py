@@ -17,8 +17,9 @@ from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import elastic_pairs, rigid_body_modes
 from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible
-from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.pipeline.bodies.proven_bodies import _held_turning, _mechanisms
+from cmsreduce.pipeline.bodies.free_motions import held_turning, mechanisms
+from cmsreduce.pipeline.bodies.mass_proof import negative_mass, prove_mass
+from cmsreduce.pipeline.evidence import Evidence
 from cmsreduce.read import prove_mass_order, prove_row_order
 from cmsreduce.read.nastran.stated import deck_statement
 from cmsreduce.verify import free_mass, negative_directions
@@ -367,12 +368,11 @@ def test_a_few_nodes_that_couple_alike_leave_the_order_of_most(alike: int, state
     order = prove_mass_order(body)
     assert (order.status, order.nodes) == ("proven", 250)
     few = replace(order, status="alike", alike=alike, remark=f"{order.remark}; {alike} of 250 nodes couple alike")
-    found = prove_body(body, body, (None, None), prove_row_order(body), few, definite(body, None))
-    proof = next(each for each in found.proofs if each.what == "mass")
+    evidence = Evidence(prove_row_order(body), few)
+    proof = prove_mass(body, body, evidence, 0)[1]
     assert (proof.state, proof.only) == (state, only)
     assert f"{alike} of 250 nodes couple alike; " in proof.remark and "compare mass 388.8" in proof.remark
-    wrong = prove_body(body, body, (None, None), prove_row_order(body), few, {"stiffness": 0, "mass": 1})
-    assert next(each for each in wrong.proofs if each.what == "mass").state == "refuted"
+    assert prove_mass(body, body, evidence, 1)[1].state == "refuted"
 
 
 def test_lumps_on_a_solid_are_no_density(tmp_path: Path) -> None:
@@ -548,10 +548,10 @@ def test_a_held_plate_whose_file_has_too_few_digits_is_named():
     coarse = replace(made, K=sp.csc_array((K + K.T) / 2), rounding=5e-10, grounded=False)
     rigid = rigid_body_modes(coarse.K, coarse.M, rigid_body_shapes(made.dofs, made.nodes), 5e-10, "plate")
     assert 0 < rigid.shape[1] <= 6
-    (note,) = _mechanisms(coarse, rigid)
+    (note,) = mechanisms(coarse, rigid)
     assert note.startswith(f"plate: K leaves {rigid.shape[1]} motions without energy that are no rigid motions")
     assert "too few digits" in note
-    assert _mechanisms(made, np.zeros((made.n, 0))) == []
+    assert mechanisms(made, np.zeros((made.n, 0))) == []
 
 
 @pytest.mark.parametrize("kept", [[1, 2, 6], [1, 2, 3, 4, 5, 6], [1, 3, 5]])
@@ -576,7 +576,7 @@ def test_a_spring_between_points_apart_is_named_as_what_keeps_a_body_from_turnin
     for A in (body.K, sp.csc_array(K)):
         rigid = la.null_space(A.toarray(), rcond=1e-9)
         rigid = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (body.M @ rigid)).T)
-        notes = _held_turning(replace(body, K=A), rigid)
+        notes = held_turning(replace(body, K=A), rigid)
         assert bool(notes) == (A is not body.K)
     assert "joins points that do not coincide" in notes[0]
 
@@ -584,7 +584,7 @@ def test_a_spring_between_points_apart_is_named_as_what_keeps_a_body_from_turnin
 def test_supports_across_a_plane_keep_a_body_in_space_from_turning_without_a_note():
     body = held_in_a_plane(stated=True, ground=False)
     rigid = rigid_body_modes(body.K, body.M, rigid_body_shapes(body.dofs, body.nodes), 2.0**-53, "flat")
-    assert rigid.shape[1] == 3 and _held_turning(body, rigid) == []
+    assert rigid.shape[1] == 3 and held_turning(body, rigid) == []
 
 
 @pytest.mark.parametrize(("digits", "seed"), [(6, 2), (8, 9)])
@@ -597,7 +597,7 @@ def test_rods_that_turn_about_one_axis_have_no_negative_mass_in_few_digits(digit
         M[6 * k + 3 : 6 * k + 6, 6 * k + 3 : 6 * k + 6] = 0.01 * np.outer(axis, axis)
     printed = sp.csc_array([[float(f"{value:.{digits - 1}e}") for value in row] for row in M])
     rods = replace(FRAME, M=printed, rounding=0.5 * 10.0**-digits)
-    assert definite(rods, None)["mass"] == negative_directions(printed, rods.rounding) == 0
+    assert negative_mass(rods) == negative_directions(printed, rods.rounding) == 0
     assert elastic_pairs(rods.K.toarray() + np.eye(rods.n), printed.toarray(), np.empty((rods.n, 0)), rods.rounding)
     wrong = printed - sp.csc_array(([1e-6], ([3], [3])), shape=printed.shape)
-    assert definite(replace(rods, M=wrong), None)["mass"] == 1
+    assert negative_mass(replace(rods, M=wrong)) == 1

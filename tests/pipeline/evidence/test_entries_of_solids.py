@@ -12,10 +12,9 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel, Proof
-from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.pipeline.evidence import statement_of
-from cmsreduce.read import MatrixSource, prove_mass_order, prove_row_order, read_body
+from cmsreduce.read import MatrixSource, read_body
 from tests.golden.calculix_bodies import STEEL, Deck, solve
+from tests.pipeline.proofs import proofs_of
 
 pytestmark = pytest.mark.ccx
 
@@ -40,9 +39,7 @@ def skewed(deck: Deck) -> Deck:
 
 
 def proofs(body: FEModel, folder: Path) -> dict[str, Proof]:
-    rows, order = prove_row_order(body), prove_mass_order(body)
-    stated = statement_of(folder / "bar.inp", body)
-    return {each.what: each for each in prove_body(body, body, stated, rows, order, definite(body, None)).proofs}
+    return proofs_of(body, folder / "bar.inp")
 
 
 def exchanged(body: FEModel, one: np.ndarray, other: np.ndarray, *, stiffness: bool) -> FEModel:

@@ -9,16 +9,14 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.model import FEModel, Proof
-from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.read import prove_mass_order, prove_row_order
 from tests.frames import frame
+from tests.pipeline.proofs import proofs_of
 from tests.read.row_order.test_unseen_rows import CELLS, arm, without
 from tests.solids import block, face
 
 
 def proof(body: FEModel) -> Proof:
-    rows, order = prove_row_order(body), prove_mass_order(body)
-    return prove_body(body, body, (None, None), rows, order, definite(body, None)).proofs[2]
+    return proofs_of(body)["mass"]
 
 
 def with_mass_rows(body: FEModel, order: np.ndarray) -> FEModel:

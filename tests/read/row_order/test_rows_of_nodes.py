@@ -17,7 +17,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel, Finding, Nodes
 from cmsreduce.pipeline import Run, execute
-from cmsreduce.pipeline.bodies.body_proofs import _rows
+from cmsreduce.pipeline.bodies.stiffness_proof import _rows
 from cmsreduce.pipeline.evidence import NodesAgainstDeck
 from cmsreduce.pipeline.store import Silent
 from cmsreduce.read import prove_row_order
