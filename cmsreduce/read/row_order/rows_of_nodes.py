@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
+from cmsreduce.linalg.machine import share_rows
 from cmsreduce.model import FEModel, Nodes, rigid_body_shapes
 from cmsreduce.read.row_order.mass_order import COUPLED, DIGITS
 from cmsreduce.read.row_order.other_ends import prove_chains
@@ -36,6 +37,8 @@ _PAIRS, _FEWEST_PAIRS = 50, 1_000_000
 _FARTHER = 1e-3
 # Rows named in a message.
 _NAMED = 5
+# Rows whose entries are looked at together: temporary arrays stay in the cache, and take no new memory.
+_AT_ONCE = 4096
 # Makes one number of a kind and a sum of random numbers: odd, of 64 random bits.
 _MIXING = np.uint64(0x9E3779B97F4A7C15)
 
@@ -96,20 +99,26 @@ def _of_several_surroundings(body: FEModel, at: Indices) -> Flags:
     are not side by side count several times, which leaves more to be looked at.
     """
     weight = np.random.default_rng(1).integers(0, 2**63, int(at.max()) + 1, dtype=np.uint64)
-    component = (1 << body.dofs.component).astype(np.int8)
-    entry = slice(None) if np.all(body.K.data) else np.flatnonzero(body.K.data)
-    starts = body.K.indptr if isinstance(entry, slice) else np.searchsorted(entry, body.K.indptr)
-    column = body.K.indices[entry]
-    filled = np.diff(starts) > 0
-    each = starts[:-1][filled]
-    near = at.astype(np.int32)[column]
-    first = np.diff(near, prepend=-1) != 0
-    first[each] = True
-    terms = weight[near]
-    terms *= first
-    around, coupled = np.zeros(body.n, np.uint64), np.zeros(body.n, np.int8)
-    around[filled] = np.add.reduceat(terms, each)
-    coupled[filled] = np.bitwise_or.reduceat(component[column], each)
+    component, short, K = (1 << body.dofs.component).astype(np.int8), at.astype(np.int32), body.K
+    around, coupled, filled = np.zeros(body.n, np.uint64), np.zeros(body.n, np.int8), np.zeros(body.n, dtype=bool)
+
+    def look(_: int, rows: slice) -> None:
+        starts = K.indptr[rows.start : rows.stop + 1]
+        entries = slice(starts[0], starts[-1])
+        kept = np.flatnonzero(K.data[entries])
+        column, starts = K.indices[entries][kept], np.searchsorted(kept, starts - starts[0])
+        some = starts[:-1] < starts[1:]
+        if not some.any():
+            return
+        each, near = starts[:-1][some], short[column]
+        first = np.diff(near, prepend=-1) != 0
+        first[each] = True
+        nodes = np.flatnonzero(first)
+        filled[rows] = some
+        around[rows][some] = np.add.reduceat(weight[near[nodes]], np.searchsorted(nodes, each))
+        coupled[rows][some] = np.bitwise_or.reduceat(component[column], each)
+
+    share_rows(body.n, _AT_ONCE, look)
     mixed = coupled == component
     for key, other in ((around, at), (at, around), (around - weight[at], at)):
         order = np.lexsort((other, key))
