@@ -64,7 +64,7 @@ PROOFS = {
     "rigid motions, orthonormal": ("pipeline.bodies.proven_bodies", "rigid_body_modes"),
     "one connected body": ("pipeline.bodies.proven_bodies", "check_connected"),
     "K against the deck": ("pipeline.bodies.proven_bodies", "prove_stiffness"),
-    "number of rigid motions": ("pipeline.bodies.proven_bodies", "rigid_motions_proof"),
+    "number of rigid motions": ("pipeline.bodies.free_motions", "rigid_motions_proof"),
     "damping matrix": ("pipeline.bodies.bodies", "damping_health"),
     "damping of the modes": ("pipeline.results.result", "damping_proof"),
     "error bars of the frequencies": ("pipeline.results.result", "frequency_error_bars"),

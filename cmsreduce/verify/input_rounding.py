@@ -158,18 +158,18 @@ def elastic_momentum(component: ModalComponent) -> tuple[float, float]:
     moved = np.flatnonzero(root > 0)
     R, momentum = R[:, moved] / root[moved], momentum[:, moved] / root[moved]
     arm = np.where(moved < _FREE // 2, 0.0, root[:3].max() / root[moved])
-    force = body.K @ (rigid @ (rigid.T @ momentum))
     found, coupled, squares = np.zeros((3, moved.size))
     for part in column_blocks(omega.size):
-        phi = elastic[:, part]
-        found = np.maximum(found, abs(momentum.T @ phi).max(axis=1))
-        coupled = np.maximum(coupled, (abs(force.T @ phi) / omega[part] ** 2).max(axis=1))
+        found = np.maximum(found, abs(momentum.T @ elastic[:, part]).max(axis=1))
     if (found <= MOMENTUM).all():
         return float(found.max(initial=0.0)), MOMENTUM
+    force = body.K @ (rigid @ (rigid.T @ momentum))
     by_rounding = _squared_errors(body.K, body.rounding, body.noise)[0](R**2)
     for part in column_blocks(omega.size):
+        phi = elastic[:, part]
+        coupled = np.maximum(coupled, (abs(force.T @ phi) / omega[part] ** 2).max(axis=1))
         # A mirror image has the same error, and so may others: the terms of an element repeat with either sign.
-        squares += 8 * np.sum((by_rounding.T @ np.square(elastic[:, part])) / omega[part] ** 4, axis=1)
+        squares += 8 * np.sum((by_rounding.T @ np.square(phi)) / omega[part] ** 4, axis=1)
     places = _PLACES * (body.nodes.xyz_rounding * arm + body.nodes.frame_rounding)
     allowed = np.maximum(_DEVIATIONS * np.sqrt(squares / 3) + coupled + places, MOMENTUM)
     worst = int(np.argmax(found / allowed))
