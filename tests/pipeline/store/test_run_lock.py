@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from cmsreduce.pipeline import Run, execute
@@ -12,38 +16,52 @@ from cmsreduce.pipeline.store import sole_use
 from tests.pipeline.study import Log
 from tests.pipeline.test_reuse import done
 
-HOLD = "import sys, pathlib; from cmsreduce.pipeline.store.stage_cache import sole_use\n"
-HOLD += "with sole_use(pathlib.Path(sys.argv[1]), print):\n    print('held', flush=True); sys.stdin.readline()\n"
+# A process that begins as a copy of this one has the libraries, which take a second to load.
+FORKING = get_context("fork")
 
 
-def holder(folder: Path) -> subprocess.Popen[str]:
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None and process.stdout.readline() == "held\n"
-    return process
+def hold(folder: Path, told: Connection) -> None:
+    """Use a folder alone until something is said."""
+    with sole_use(folder, print):
+        told.send("held")
+        told.recv()
+
+
+@contextmanager
+def holder(folder: Path) -> Iterator[tuple[BaseProcess, Connection]]:
+    """Another process that uses a folder alone."""
+    here, there = FORKING.Pipe()
+    process = FORKING.Process(target=hold, args=(folder, there))
+    process.start()
+    there.close()
+    assert here.recv() == "held"
+    try:
+        yield process, here
+    finally:
+        process.kill()
+        process.join()
 
 
 def test_the_second_waits_until_the_first_is_through(tmp_path: Path) -> None:
     said: list[str] = []
-    with holder(tmp_path) as first:
+    with holder(tmp_path) as (first, to_first):
 
         def let_go(text: str) -> None:
             said.append(text)
-            assert first.poll() is None and first.stdin is not None
-            first.stdin.write("\n")
-            first.stdin.flush()
+            assert first.is_alive()
+            to_first.send("end")
 
         with sole_use(tmp_path, let_go):
-            assert first.wait(30) == 0
+            first.join(30)
+            assert first.exitcode == 0
     assert len(said) == 1 and f"another run is at work in {tmp_path}" in said[0]
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
-    with holder(tmp_path) as first:
+    with holder(tmp_path) as (first, _):
         first.kill()
-        first.wait(30)
+        first.join(30)
     said: list[str] = []
     with sole_use(tmp_path, said.append):
         assert said == []
@@ -66,12 +84,11 @@ def test_a_run_says_at_once_that_it_waits(study: Path) -> None:
     """Also without --verbose, which tells notes at the end."""
     out = study.parent / "out"
     program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study), "--until", "reduce"]
-    with holder(out) as first:
+    with holder(out) as (_, to_first):
         with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as second:
-            assert second.stderr is not None and first.stdin is not None
+            assert second.stderr is not None
             assert f"another run is at work in {out}" in second.stderr.readline()
             assert second.poll() is None
-            first.stdin.write("\n")
-            first.stdin.flush()
+            to_first.send("end")
             second.stderr.read()
         assert second.returncode == 0

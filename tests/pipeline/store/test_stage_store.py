@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import signal
-import subprocess
-import sys
 import time
+from collections.abc import Callable
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import h5py
@@ -22,23 +23,28 @@ KEY = stage_key("reduce", "anything")
 ARRAYS = {"Phi": np.arange(600.0).reshape(12, 50), "omega": np.arange(50.0), "none": np.zeros((0, 3))}
 FACTS = {"method": "guyan", "seconds": 1.5}
 
-WRITER = """
-import sys
-from pathlib import Path
-import numpy as np
-from cmsreduce.pipeline.store.stage_store import StageStore
-store = StageStore(Path(sys.argv[1]))
-for _ in range(int(sys.argv[3])):
-    store.save("reduce", "rotor", sys.argv[2], {"Phi": np.full((200, 200), float(sys.argv[4]))}, {"by": sys.argv[4]})
-"""
-HOLDER = """
-import sys, time
-from pathlib import Path
-from cmsreduce.pipeline.store.stage_store import StageStore
-with StageStore(Path(sys.argv[1])).claimed("reduce", "rotor", sys.argv[2]):
-    print("held", flush=True)
-    time.sleep(60)
-"""
+# A process that begins as a copy of this one has the libraries, which take a second to load.
+FORKING = get_context("fork")
+
+
+def write(folder: Path, times: int, value: float) -> None:
+    """Save one entry again and again."""
+    store = StageStore(folder)
+    for _ in range(times):
+        store.save("reduce", "rotor", KEY, {"Phi": np.full((200, 200), value)}, {"by": value})
+
+
+def hold(folder: Path, told: Connection) -> None:
+    """Claim an entry, say so, and keep the claim."""
+    with StageStore(folder).claimed("reduce", "rotor", KEY):
+        told.send("held")
+        time.sleep(60)
+
+
+def started(target: Callable[..., None], *arguments: object) -> BaseProcess:
+    process = FORKING.Process(target=target, args=arguments)
+    process.start()
+    return process
 
 
 @pytest.fixture
@@ -117,29 +123,28 @@ def test_no_damage_goes_unnoticed(tmp_path: Path, shared: Path, share: bool) -> 
 
 
 def test_two_processes_write_one_key_while_a_third_reads(shared: Path) -> None:
-    program = [sys.executable, "-c", WRITER, str(shared), KEY, "60"]
-    writers = [subprocess.Popen([*program, value]) for value in ("1", "2")]
+    writers = [started(write, shared, 60, value) for value in (1.0, 2.0)]
     store, seen = StageStore(shared), set()
-    while any(writer.poll() is None for writer in writers):
+    while any(writer.is_alive() for writer in writers):
         found = store.load("reduce", "rotor", KEY)
         if found is not None:
-            value = float(found[1]["by"])
+            value = found[1]["by"]
             assert np.all(found[0]["Phi"] == value)
             seen.add(value)
-    assert [writer.returncode for writer in writers] == [0, 0]
+    assert [writer.exitcode for writer in writers] == [0, 0]
     assert seen
     assert sorted(path.suffix for path in (shared.parent / "common").iterdir()) == [".h5"]
 
 
 def test_a_writer_killed_at_any_moment_leaves_a_whole_entry_or_none(shared: Path) -> None:
-    program = [sys.executable, "-c", WRITER, str(shared), KEY, "100000", "3"]
     store = StageStore(shared)
-    with subprocess.Popen(program) as writer:
-        limit = time.monotonic() + 60
-        while store.load("reduce", "rotor", KEY) is None and time.monotonic() < limit:
-            time.sleep(0.01)
-        writer.kill()
-    assert writer.returncode == -signal.SIGKILL
+    writer = started(write, shared, 100_000, 3.0)
+    limit = time.monotonic() + 60
+    while store.load("reduce", "rotor", KEY) is None and time.monotonic() < limit:
+        time.sleep(0.01)
+    writer.kill()
+    writer.join()
+    assert writer.exitcode == -signal.SIGKILL
     found = store.load("reduce", "rotor", KEY)
     assert found is not None and np.all(found[0]["Phi"] == 3.0)
     # The next writer clears away what the killed one had begun.
@@ -149,20 +154,22 @@ def test_a_writer_killed_at_any_moment_leaves_a_whole_entry_or_none(shared: Path
 
 @pytest.mark.skipif(os.name != "posix", reason="locks of the system")
 def test_a_claim_is_waited_for_and_ends_with_its_process(shared: Path) -> None:
-    program = [sys.executable, "-c", HOLDER, str(shared), KEY]
-    with (
-        subprocess.Popen(program, stdout=subprocess.PIPE) as holder,
-        subprocess.Popen(program, stdout=subprocess.PIPE) as other,
-    ):
-        ends = {holder.stdout: holder, other.stdout: other}
-        (first,), _, _ = select.select(list(ends), [], [], 60)
-        assert first.readline() == b"held\n"
-        (second,) = set(ends) - {first}
-        # The other has started long since and says nothing, until the one that holds the claim is killed.
-        assert select.select([second], [], [], 3) == ([], [], [])
-        ends[first].kill()
-        assert second.readline() == b"held\n"
-        ends[second].kill()
+    holders: dict[Connection, BaseProcess] = {}
+    for _ in range(2):
+        here, there = FORKING.Pipe(duplex=False)
+        holders[here] = started(hold, shared, there)
+    try:
+        first, *both = wait(list(holders), 60)
+        assert not both and first.recv() == "held"
+        (second,) = set(holders) - {first}
+        # The other has started as well and says nothing, until the one that holds the claim is killed.
+        assert not second.poll(2)
+        holders[first].kill()
+        assert second.poll(60) and second.recv() == "held"
+    finally:
+        for process in holders.values():
+            process.kill()
+            process.join()
 
 
 def test_a_claim_of_what_is_not_shared_is_no_claim(shared: Path, tmp_path: Path) -> None:
