@@ -223,34 +223,39 @@ def test_tables_of_health_and_sensitivity(page: Opened) -> None:
     assert "damping x 5 2 3 2" in cases
 
 
-def test_the_first_screen_holds_verdict_error_cost_and_the_worst_response(browser: Any, small: Path) -> None:
-    with opened(browser, small, width=1280) as found:
-        found.page.wait_for_selector("html[data-drawn~=response]", state="attached", timeout=60_000)
-        for part in (".badge", ".cards", "#speed", "#response"):
-            box = found.page.locator(part).bounding_box()
-            assert box["y"] >= 0 and box["y"] + box["height"] <= 900 and box["x"] + box["width"] <= 1280, part
-        titles = """() => ['yaxis', 'yaxis2', 'yaxis3']
-          .map((axis) => document.getElementById('response').layout[axis].title.text)"""
-        assert found.page.evaluate(titles) == ["magnitude, rad/(N m)", "|error|, dB", "phase, °"]
-        assert found.page.eval_on_selector("#notes", "(notes) => notes.open") is False
-        assert "this model" in found.page.inner_text("#speed")
-        assert found.faults == []
+@pytest.fixture(scope="module")
+def dark(browser: Any, small: Path) -> Iterator[Opened]:
+    """The page as it opens on a screen of 1280 by 900 whose user wants dark pages."""
+    with opened(browser, small, width=1280, color_scheme="dark") as found:
+        yield found
 
 
-def test_the_theme_changes_page_plots_and_canvas(browser: Any, small: Path) -> None:
+def test_the_first_screen_holds_verdict_error_cost_and_the_worst_response(dark: Opened) -> None:
+    dark.page.wait_for_selector("html[data-drawn~=response]", state="attached", timeout=60_000)
+    for part in (".badge", ".cards", "#speed", "#response"):
+        box = dark.page.locator(part).bounding_box()
+        assert box["y"] >= 0 and box["y"] + box["height"] <= 900 and box["x"] + box["width"] <= 1280, part
+    titles = """() => ['yaxis', 'yaxis2', 'yaxis3']
+      .map((axis) => document.getElementById('response').layout[axis].title.text)"""
+    assert dark.page.evaluate(titles) == ["magnitude, rad/(N m)", "|error|, dB", "phase, °"]
+    assert dark.page.eval_on_selector("#notes", "(notes) => notes.open") is False
+    assert "this model" in dark.page.inner_text("#speed")
+    assert dark.faults == []
+
+
+def test_the_theme_changes_page_plots_and_canvas(dark: Opened) -> None:
     paper = (
         "() => [getComputedStyle(document.body).backgroundColor, document.getElementById('speed').layout.paper_bgcolor]"
     )
-    with opened(browser, small, color_scheme="dark") as found:
-        found.page.wait_for_selector("html[data-drawn~=speed][data-drawn~=sketch]", state="attached", timeout=60_000)
-        assert found.page.evaluate(paper) == ["rgb(20, 24, 29)", "#14181d"]
-        sketch = "() => document.getElementById('sketch').toDataURL()"
-        night = found.page.evaluate(sketch)
-        found.page.focus("#theme")
-        found.page.keyboard.press("Enter")
-        assert found.page.evaluate(paper) == ["rgb(255, 255, 255)", "#fff"]
-        assert found.page.evaluate(sketch) != night
-        assert found.faults == []
+    dark.page.wait_for_selector("html[data-drawn~=speed][data-drawn~=sketch]", state="attached", timeout=60_000)
+    assert dark.page.evaluate(paper) == ["rgb(20, 24, 29)", "#14181d"]
+    sketch = "() => document.getElementById('sketch').toDataURL()"
+    night = dark.page.evaluate(sketch)
+    dark.page.focus("#theme")
+    dark.page.keyboard.press("Enter")
+    assert dark.page.evaluate(paper) == ["rgb(255, 255, 255)", "#fff"]
+    assert dark.page.evaluate(sketch) != night
+    assert dark.faults == []
 
 
 def test_a_table_that_is_cut_says_so_and_opens(page: Opened) -> None:
@@ -264,16 +269,10 @@ def test_a_table_that_is_cut_says_so_and_opens(page: Opened) -> None:
     assert page.page.locator("#sensitivity .cut:visible").count() == 0
 
 
-def test_a_phone_needs_no_scrolling_sideways(browser: Any, small: Path) -> None:
+@pytest.fixture(scope="module")
+def printed(browser: Any, small: Path) -> Iterator[tuple[Opened, Any]]:
+    """The page on a phone that prints at once: plots and their pictures then, or that the page was ready before."""
     with opened(browser, small, width=390) as found:
-        found.draw_all()
-        found.page.evaluate("dispatchEvent(new Event('afterprint'))")
-        assert found.page.evaluate("() => document.documentElement.scrollWidth") == 390
-
-
-def test_a_browser_that_prints_at_once_draws_every_plot(browser: Any, small: Path) -> None:
-    """Printing does not wait for streams: the page unpacks itself without them."""
-    with opened(browser, small) as found:
         drawn = found.page.evaluate(
             """() => {
               if (document.documentElement.dataset.ready) return "too late";
@@ -281,13 +280,28 @@ def test_a_browser_that_prints_at_once_draws_every_plot(browser: Any, small: Pat
               return [...document.querySelectorAll(".plot")].map((plot) => plot.querySelectorAll("svg").length);
             }"""
         )
-        assert drawn == "too late" or (len(drawn) == 15 and min(drawn) > 0)
-        same = """async () => {
-          const [streamed, now] = [new Uint8Array(await Arrays.inflated("plotly")), Arrays.inflatedNow("plotly")];
-          return streamed.length === now.length && streamed.every((byte, k) => byte === now[k]);
-        }"""
-        assert found.page.evaluate(same)
-        assert found.faults == []
+        yield found, drawn
+
+
+def test_a_browser_that_prints_at_once_draws_every_plot(printed: tuple[Opened, Any]) -> None:
+    """Printing does not wait for streams: the page unpacks itself without them."""
+    found, drawn = printed
+    assert drawn == "too late" or (len(drawn) == 15 and min(drawn) > 0)
+    same = """async () => {
+      const [streamed, now] = [new Uint8Array(await Arrays.inflated("plotly")), Arrays.inflatedNow("plotly")];
+      return streamed.length === now.length && streamed.every((byte, k) => byte === now[k]);
+    }"""
+    assert found.page.evaluate(same)
+    assert found.faults == []
+
+
+def test_a_phone_needs_no_scrolling_sideways(printed: tuple[Opened, Any]) -> None:
+    found, drawn = printed
+    if drawn == "too late":
+        found.draw_all()
+    found.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+    found.page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert found.page.evaluate("() => document.documentElement.scrollWidth") == 390
 
 
 def test_the_page_of_a_sweep_opens(browser: Any, tmp_path: Path) -> None:
