@@ -36,7 +36,7 @@ from tests.pipeline.test_reuse import untimed
 # Two angles would take twice the time and show nothing more of what points and processes do.
 ONE_ANGLE = "scene.articulation={hinge: [50 deg]}"
 METHODS = "reduce.method=craig-bampton,macneal-rubin"
-OVER = [METHODS, "balance.keep={modes: 4},{modes: 999},all", "reduce.cutoff=10,15", ONE_ANGLE]
+OVER = [METHODS, "balance.keep={modes: 4},{modes: 999},all", ONE_ANGLE]
 # For what happens to processes, as many points as are under way with two of them, and as many to come.
 FEW = [METHODS, "reduce.cutoff=10,15", ONE_ANGLE]
 TIMES = ("reduce_s", "full_frf_s", "reduced_frf_s", "point_s")
@@ -54,15 +54,20 @@ def swept(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[S
 
 
 @pytest.fixture(scope="module")
-def few(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> SweepResult:
-    """A few of these points, swept in this process."""
-    return sweep(good_study / "study.yaml", sweep_axes(FEW), (), tmp_path_factory.mktemp("few"))[0]
+def few_swept(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[SweepResult, Path]:
+    """Both methods at two cutoffs, swept in this process."""
+    return sweep(good_study / "study.yaml", sweep_axes(FEW), (), tmp_path_factory.mktemp("few"))
+
+
+@pytest.fixture(scope="module")
+def few(few_swept: tuple[SweepResult, Path]) -> SweepResult:
+    return few_swept[0]
 
 
 def test_each_point_is_a_run(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
     result, folder = swept
-    assert [row.status == "failed" for row in result.rows] == [False, False, True, True, False, False] * 2
-    for row in (result.rows[0], result.rows[4], result.rows[11]):
+    assert [row.status == "failed" for row in result.rows] == [False, True, False] * 2
+    for row in (result.rows[0], result.rows[5]):
         overrides = [f"{key}={value}" for key, value in row.overrides.items()]
         out = tmp_path / str(row.point)
         path = good_study / "study.yaml"
@@ -81,7 +86,7 @@ def test_each_point_is_a_run(swept: tuple[SweepResult, Path], good_study: Path, 
 
 def test_a_point_that_fails_has_its_reason_and_no_result(swept: tuple[SweepResult, Path]) -> None:
     result, folder = swept
-    row = result.rows[2]
+    row = result.rows[1]
     assert "999 modes" in row.message and "elastic modes below the cutoff" in row.message
     assert not (folder / row.folder / "summary.json").exists()
 
@@ -100,22 +105,26 @@ def test_a_point_that_became_bad_input_keeps_no_result(good_study: Path, tmp_pat
     assert [summary.exists() for summary in stale] == [True, False]
 
 
-def test_what_points_share_is_there_once(swept: tuple[SweepResult, Path]) -> None:
-    _, folder = swept
+@pytest.mark.parametrize(
+    ("points", "reductions"),
+    # Whatever is kept, and however many points: the bodies of two methods, and of two methods at two cutoffs.
+    [("swept", 2), ("few_swept", 4)],
+)
+def test_what_points_share_is_there_once(points: str, reductions: int, request: pytest.FixtureRequest) -> None:
+    _, folder = request.getfixturevalue(points)
     entries = cache_entries(folder)
     shared = [(entry.stage, entry.what) for entry in entries if entry.path.parent == folder / "stages"]
-    # Two methods at two cutoffs; whatever is kept of them, and however many points, the bodies are these.
     for body in ("arm", "panel"):
-        assert shared.count(("reduce", body)) == shared.count(("orthogonalise", body)) == 4
+        assert shared.count(("reduce", body)) == shared.count(("orthogonalise", body)) == reductions
         alone = ("read", body), ("reference", body), ("reference", f"{body}.static")
         assert [shared.count(each) for each in alone] == [1, 1, 1]
-    assert len(shared) == 2 * (4 + 4 + 3)
-    assert sum(entry.stage == "verify" for entry in entries) == 8
+    assert len(shared) == 2 * (2 * reductions + 3)
+    assert sum(entry.stage == "verify" for entry in entries) == 4
 
 
 def test_a_point_can_be_opened_again(swept: tuple[SweepResult, Path]) -> None:
     result, folder = swept
-    row = result.rows[5]
+    row = result.rows[2]
     again = run_result(reopen(folder / row.folder))
     assert again.worst()["frf_error"] == row.frf_error
 
