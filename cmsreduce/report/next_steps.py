@@ -119,7 +119,7 @@ def _better(run: RunResult, found: Finding) -> Iterator[str]:
 def _cutoff(run: RunResult) -> float | None:
     """Lowest cutoff of the bodies, as a multiple of the band; None if it was found by the run itself."""
     common, *others = _mode_set_keys(run)
-    every = [common.get("cutoff", 2.0), *(own["cutoff"] for own in others if "cutoff" in own)]
+    every = [{"cutoff": 2.0, **common, **own}["cutoff"] for own in others or [{}]]
     known = [float(value) for value in every if isinstance(value, (int, float))]
     return min(known) if len(known) == len(every) else None
 

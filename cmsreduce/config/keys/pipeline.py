@@ -100,6 +100,10 @@ class SolverKeys(Keys):
     )
 
 
+# Stages whose keys a body may state for itself.
+_OVER = ("reduce", "balance", "write")
+
+
 def _check_component_name(name: str) -> str:
     if name.lower() == "system":
         raise ValueError("a component cannot be named 'system': that is the file of the assembled system")
@@ -204,6 +208,23 @@ class Pipeline(Keys):
         if own is None:
             return base
         return base.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
+
+    def record(self, *, exclude: Mapping[str, Any] | None = None, exclude_none: bool = False) -> dict[str, Any]:
+        """Keys as JSON, with their defaults.
+
+        Keys that stand over others, those of a stage for one body or of a compared mode set, are there as they are
+        written, without defaults: an omitted one is that of the pipeline.
+        """
+        found = self.model_dump(mode="json", exclude=dict(exclude or {}), exclude_none=exclude_none)
+        parts = found.get("components", {})
+        over = [(parts[name], stage, getattr(self.components[name], stage)) for name in parts for stage in _OVER]
+        compared = (found.get("verify") or {}).get("compare", {})
+        if self.verify is not None:
+            over += [(part, "reduce", self.verify.compare[label].reduce) for label, part in compared.items()]
+        for part, stage, own in over:
+            if own is not None and stage in part:
+                part[stage] = own.model_dump(mode="json", exclude_unset=True, exclude_none=exclude_none)
+        return found
 
     def keep_of(self, component: str) -> KeepKeys:
         """Rule by which modes of one body are kept."""

@@ -117,7 +117,7 @@ def sweep(
         dict(axes),
         tuple(rows[point.number] for point in points),
         time.perf_counter() - started,
-        _provenance(path, overrides, workers, good.model_dump(mode="json", exclude_none=True)),
+        _provenance(path, overrides, workers, good.record(exclude_none=True)),
     )
     return result, folder
 

@@ -151,6 +151,6 @@ def write_system_file(run: Run, path: Path | None = None) -> tuple[Path, ...]:
 def _provenance(run: Run, notes: Sequence[str]) -> Mapping[str, Any]:
     return {
         "pipeline": run.pipeline.name,
-        "settings": run.pipeline.model_dump(mode="json", exclude_none=True),
+        "settings": run.pipeline.record(exclude_none=True),
         "notes": list(notes),
     }

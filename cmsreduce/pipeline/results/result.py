@@ -180,7 +180,7 @@ def _result(run: Run) -> RunResult:
         if not (verified and configurations)
         else Speed(reduce_s, verified.full_s, verified.reduced_s, simulation_costs(run)),
         reference=verified.reference if verified else {},
-        settings=run.pipeline.model_dump(mode="json", exclude_none=True),
+        settings=run.pipeline.record(exclude_none=True),
         systems=systems,
         notes=(
             *run.stages.notes,

@@ -46,7 +46,10 @@ def absolute_files(keys: Any) -> Any:
             # The present folder was removed, and only absolute paths lead to files.
             return keys
     if isinstance(keys, BaseModel):
-        return keys.model_copy(update={name: absolute_files(value) for name, value in keys})
+        same = keys.model_copy(update={name: absolute_files(value) for name, value in keys})
+        # Defaults stay defaults: keys of a single body stand over those of the pipeline only where they are written.
+        same.__pydantic_fields_set__ = set(keys.model_fields_set)
+        return same
     if isinstance(keys, Mapping):
         return {name: absolute_files(value) for name, value in keys.items()}
     return type(keys)(map(absolute_files, keys)) if isinstance(keys, (list, tuple)) else keys
@@ -184,7 +187,7 @@ def system_key(
     elsewhere = dict.fromkeys(("name", "output", "include", "write"), True)
     # A controller closes loops around finished results.
     files["scene"] = {"controller"}
-    settings = pipeline.model_dump(mode="json", exclude=files | elsewhere)
+    settings = pipeline.record(exclude=files | elsewhere)
     compared = settings.pop("verify") or {}
     keys = pipeline.verify
     checks: tuple[Any, ...] = ([], True, 0)
