@@ -13,6 +13,7 @@ __all__ = [
     "BarStiffness",
     "end_dofs",
     "end_motion",
+    "known_motion",
     "member_stiffness",
 ]
 
@@ -181,15 +182,21 @@ def end_dofs(bars: Bars) -> DofTable:
     return DofTable(node, component.astype(np.int8))
 
 
+def known_motion(body: FEModel, hidden: Recovery | None) -> Recovery:
+    """Motion of the dofs of a body, and of those without rows as far as it is known."""
+    known = body.recovery
+    if hidden is None:
+        return known
+    # A dof with a row keeps its motion there.
+    new = known.dofs.rows(hidden.dofs.node, hidden.dofs.component) < 0
+    T = sp.csr_array(sp.vstack([known.T, hidden.T[new]]))
+    return Recovery(known.dofs.joined(hidden.dofs[new]), known.leads, T)
+
+
 def _end_motion(body: FEModel, bars: Bars, offset: Array, hidden: Recovery | None) -> sp.csr_array:
     """Translations and rotations at both ends of each bar, along basic axes, for unit motions of the rows (12 b, n)."""
     assert body.nodes is not None
-    known = body.recovery
-    if hidden is not None:
-        # A dof with a row keeps its motion there.
-        new = known.dofs.rows(hidden.dofs.node, hidden.dofs.component) < 0
-        T = sp.csr_array(sp.vstack([known.T, hidden.T[new]]))
-        known = Recovery(known.dofs.joined(hidden.dofs[new]), known.leads, T)
+    known = known_motion(body, hidden)
     needed = end_dofs(bars)
     unknown = known.dofs.rows(needed.node, needed.component) < 0
     if body.constrained is not None:

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from cmsreduce.errors import DofMapError, SceneError, SingularInterfaceError
 from cmsreduce.linalg.blocks import congruence
 from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
-from cmsreduce.mechanics.bars import BarStiffness
+from cmsreduce.mechanics.bars import BarStiffness, known_motion
 from cmsreduce.mechanics.lumped_mass import moves_generalised
 from cmsreduce.mechanics.modal_integrals import CROSS, MassBlocks, nodal_motion
+from cmsreduce.mechanics.turning_lumps import turning_lumps
 from cmsreduce.model import (
     INERTIA_LOADS,
     SQUARES,
@@ -119,6 +120,7 @@ def bars_stiffness(
     origin: Array | None = None,
     holding: str = "",
     hidden: Recovery | None = None,
+    points: Array | None = None,
 ) -> GeometricStiffness:
     """Geometric stiffness of a body of bars and beams for each of some unit loads.
 
@@ -138,6 +140,8 @@ def bars_stiffness(
         Support of these rows, in words.
     hidden : Recovery, optional
         Motion of dofs of the bars without rows.
+    points : (N, 6, 6) float64, optional
+        Mass matrices of the point masses at each node, along basic axes: they turn under inertia forces.
 
     Raises
     ------
@@ -153,8 +157,11 @@ def bars_stiffness(
     about = np.zeros(3) if origin is None else np.asarray(origin, dtype=np.float64)
     stiffness = BarStiffness(body, bars, hidden)
     tension = _tensions(body, stiffness, unit_forces(body, loads, about), held)
-    matrices = tuple(stiffness.stiffness(column) for column in tension.T)
-    return GeometricStiffness(tuple(loads), matrices, (BARS,) * len(matrices), about, holding)
+    matrices = [stiffness.stiffness(column) for column in tension.T]
+    if points is not None and points.any():
+        lumps = turning_lumps(body, points, known_motion(body, hidden), loads, about)
+        matrices = [sp.csc_array(own + lump) for own, lump in zip(matrices, lumps, strict=True)]
+    return GeometricStiffness(tuple(loads), tuple(matrices), (BARS,) * len(matrices), about, holding)
 
 
 def modal_stiffening(stiffening: GeometricStiffness, Phi: Array) -> ModalStiffening:

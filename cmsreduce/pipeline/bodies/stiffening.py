@@ -24,6 +24,7 @@ from cmsreduce.model import (
 from cmsreduce.read import (
     MatrixSource,
     bars_in_units,
+    deck_statement,
     read_bars,
     read_differential_stiffness,
     read_followers,
@@ -121,7 +122,25 @@ def _computed(
     hidden = _hidden(geometry.file, body, as_read, bars)
     origin = place_in(keys.origin, as_read.units) * (as_read.units.length / body.units.length)
     words = f"at interface {', '.join(faces)}" if faces else "by its own supports"
-    return bars_stiffness(body, bars, loads, held=rows, origin=origin, holding=words, hidden=hidden)
+    points = _points(geometry.file, body, as_read)
+    return bars_stiffness(body, bars, loads, held=rows, origin=origin, holding=words, hidden=hidden, points=points)
+
+
+def _points(path: Path, body: FEModel, as_read: FEModel) -> NDArray[np.float64] | None:
+    """Mass matrices of the point masses at each node (N, 6, 6) in the units of the body; None if they are not known."""
+    if as_read.nodes is None or body.nodes is None:
+        return None
+    stated, _ = deck_statement(path, as_read.nodes, np.ones(len(as_read.nodes), dtype=bool))
+    if stated is None or stated.points is None:
+        return None
+    length = as_read.units.length / body.units.length
+    sizes = np.repeat([1.0, length], 3)
+    points = stated.points * np.outer(sizes, sizes) * (as_read.units.mass / body.units.mass)
+    # A tie adds its point to the nodes.
+    found = np.zeros((len(body.nodes), 6, 6))
+    at = body.nodes.index(as_read.nodes.id)
+    found[at[at >= 0]] = points[at >= 0]
+    return found
 
 
 def _held(
