@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -114,12 +114,15 @@ def body_health(
         if inertia_excess(M6) is not None and "geometry" in mass:
             principal = _principal(body, mass["geometry"])
         if rigid.shape[1] == _FREE:
-            held = _grounding(body, _rigid_shapes(body, undetermined, centre))
+            # About the mean of the nodes: the inertia of a body far from the origin would drown in its distance.
+            about = _rigid_shapes(body, undetermined, centre)
+            held = _grounding(body, about)
             # An indefinite stiffness has no static response that shows rigid motions.
-            motions = _motions(body, R) if thorough and not negative["stiffness"] else None
+            motions = _motions(body, about) if thorough and not negative["stiffness"] else None
         if motions is not None:
             for source, X in (("stiffness", motions.stiffness), ("modes", motions.eigen)):
-                mass |= _mass(body, source, X.T @ (body.M @ X))
+                found = _mass(body, source, X.T @ (body.M @ X))
+                mass |= {name: replace(each, cg=each.cg + centre) for name, each in found.items()}
     return BodyHealth(
         negative=dict(negative),
         light=_light(body),
