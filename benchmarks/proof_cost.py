@@ -34,7 +34,7 @@ from cmsreduce.linalg.machine import begun  # noqa: E402
 
 CELLS = (214, 11, 12)
 SIDES = (3.0, 0.17, 0.18)
-RUNS = 3
+RUNS = 5
 PIPELINE = """\
 name: bar
 components:

@@ -107,7 +107,7 @@ def test_copies_make_the_system_that_bodies_written_out_and_done_apart_make(tmp_
 
 def test_files_are_read_and_a_body_is_reduced_once(tmp_path, monkeypatch):
     calls = Counter()
-    for work in ("read_body", "prove_row_order", "prove_mass_order", "hold_undetermined", "body_health"):
+    for work in ("read_body", "prove_row_order", "evidence_of", "hold_undetermined", "body_health"):
         room = from_keys if work == "read_body" else proven_bodies
         real = getattr(room, work)
 
