@@ -214,6 +214,13 @@ class Pipeline(Keys):
 
         Keys that stand over others, those of a stage for one body or of a compared mode set, are there as they are
         written, without defaults: an omitted one is that of the pipeline.
+
+        Parameters
+        ----------
+        exclude : mapping, optional
+            Keys to leave out, as in `model_dump`.
+        exclude_none : bool
+            Leave out keys without a value.
         """
         found = self.model_dump(mode="json", exclude=dict(exclude or {}), exclude_none=exclude_none)
         parts = found.get("components", {})

@@ -1,4 +1,4 @@
-"""Work on one thread beside a factorisation, which leaves the other cores idle for a part of its time."""
+"""Work on a thread of its own: a factorisation beside it leaves cores idle for a part of its time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def begun(work: Callable[[], T], *, beside: bool = True) -> Future[T]:
     Returns
     -------
     Future
-        Its result; also its error.
+        Its result, or its error; an error of work that is done at once is raised here.
 
     Examples
     --------

@@ -99,8 +99,9 @@ def body_health(
         Motions that neither stiffness nor mass determines, of which one dof each is held, as in `Determined`.
     """
     if negative is None:
-        counts = (negative_stiffness(body), negative_mass(body)) if thorough else (None, None)
-        negative = dict(zip(("stiffness", "mass"), counts, strict=True))
+        negative = dict.fromkeys(("stiffness", "mass"))
+        if thorough:
+            negative = {"stiffness": negative_stiffness(body), "mass": negative_mass(body)}
     checks = [
         Finding(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
     ]

@@ -21,7 +21,7 @@ _OTHER = 1e-3
 
 
 def counted_motions(body: FEModel, rigid: NDArray[np.float64], rows: RowOrderProof, held: bool) -> tuple[Proof, str]:
-    """Proof of the number of rigid motions, and a note where it has none; ``held`` if dofs that nothing moves are."""
+    """Proof of the number of rigid motions, and a note without one; ``held``: dofs that nothing moves are held."""
     shown = None
     if rows.status == "proven" and rows.motions:
         # Rows along a plane or a line do not show all six.

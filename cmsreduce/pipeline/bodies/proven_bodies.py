@@ -52,9 +52,9 @@ THOROUGH = 3000
 
 # Below this number of dofs a search for mechanisms costs less than the proof that there are none.
 _LARGE = 2000
-# Above, the proofs by products wait for the factor: memory matters more than time.
+# Above this number of dofs, proofs that take no factor of K come before it, not beside it: memory matters more than
+# time.
 _BESIDE = 400_000
-_FREE = 6
 # Fields of a body that its own constructor fills.
 _SOUND = "_sound"
 _Gathered = tuple[Evidence, Mapping[str, NDArray[np.int64]] | None]
@@ -151,8 +151,7 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
         # The rows are proven on the matrices as they are read; ties and units change them.
         proof = RowOrderProof("labelled", remark=unproven) if unproven else prove_row_order(as_read)
         grown, unused = recovered_body(as_read, part)
-        free = proof.status == "proven" and proof.motions == _FREE
-        converted = in_units(tied_body(grown, part, free), scene.units)
+        converted = in_units(tied_body(grown, part, proof.free), scene.units)
         large = converted.n > _LARGE
         beside = large and as_read.n <= _BESIDE
         geometry = None if part.geometry is None else part.geometry.file
@@ -161,7 +160,7 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     if large:
         # The mass takes the order of the stiffness.
         share_order(converted.K)
-    of_mass = begun(partial(_mass_proven, as_read, converted, gathering, units), beside=beside)
+    proving_mass = begun(partial(_mass_proven, as_read, converted, gathering, units), beside=beside)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     if large:
         acting = scene_ports(pipeline, converted, scene).interface
@@ -176,9 +175,10 @@ def _proven(pipeline: Pipeline, name: str, scene: Scene) -> ProvenBody:
     rounding = body.stiffness_rounding
     rigid = rigid_body_modes(body.K, body.M, geometric_motions(body), rounding, name, proven, prove=not large)
     check_grounded(body, rigid)
-    negative = {"stiffness": negative_stiffness(body, proven)}
-    checks, proofs = prove_stiffness(as_read, gathering.result()[0], negative["stiffness"])
-    solid, negative["mass"], (mass_checks, mass_proof) = of_mass.result()
+    of_stiffness = negative_stiffness(body, proven)
+    checks, proofs = prove_stiffness(as_read, gathering.result()[0], of_stiffness)
+    solid, of_mass, (mass_checks, mass_proof) = proving_mass.result()
+    negative = {"stiffness": of_stiffness, "mass": of_mass}
     notes = [*changed, *mechanisms(body, rigid), *held_turning(body, rigid)]
     if doubtful := implausible_units(as_read, units, solid):
         notes.append(f"{name}: {doubtful}")

@@ -1,4 +1,4 @@
-"""Evidence that a body's own products and its deck give, without a factor of its matrices."""
+"""Evidence for a body that takes no factor: the order of its rows, and its deck."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ __all__ = ["NO_ENERGY", "Evidence", "energy_limit", "evidence_of"]
 NO_ENERGY = 1e-9
 """Share of a diagonal entry up to which a negative energy is rounding, in a file of all digits."""
 
-# Beyond the digits of a file by this.
+# Negative energies that are rounding, in roundings of the file.
 _DIGITS = 10.0
-# Only a body that is free in all directions shows its whole mass in each of them.
-_ALL_MOTIONS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +37,6 @@ class Evidence:
     order: MassOrder
     stated: tuple[StatedMass | None, StatedEnergy | None] = (None, None)
     at_nodes: NodesAgainstDeck | None = None
-
-    @property
-    def free(self) -> bool:
-        """True if no rigid motion of the body costs force."""
-        return self.rows.status == "proven" and self.rows.motions == _ALL_MOTIONS
 
 
 def energy_limit(body: FEModel) -> float:
@@ -75,8 +68,6 @@ def evidence_of(
     DofMapError
         If the rows of the mass are in another order than those of the stiffness.
     """
-    found = Evidence(rows, order or prove_mass_order(body), stated)
-    energy = stated[1]
-    if energy is None or energy.at_nodes is None:
-        return found
-    return Evidence(rows, found.order, stated, nodes_against_deck(body, energy.at_nodes, found.free))
+    order = order or prove_mass_order(body)
+    deck = None if stated[1] is None else stated[1].at_nodes
+    return Evidence(rows, order, stated, None if deck is None else nodes_against_deck(body, deck, rows.free))

@@ -12,6 +12,7 @@ from cmsreduce.model import FEModel
 
 __all__ = ["NONE_HIDDEN", "HiddenRows", "RowOrderProof", "hidden_rows"]
 
+_ALL_MOTIONS = 6
 _NAMED = 5
 
 
@@ -115,6 +116,11 @@ class RowOrderProof:
     xyz_rounding: float = 0.0
     hidden: HiddenRows = NONE_HIDDEN
     beside: int = 0
+
+    @property
+    def free(self) -> bool:
+        """True if the rows are proven, and no rigid motion costs force."""
+        return self.status == "proven" and self.motions == _ALL_MOTIONS
 
     def estimated(self, body: FEModel) -> FEModel:
         """The body with the errors of K and of the coordinates that the proof found."""
